@@ -1,0 +1,58 @@
+"""Contact between the end effector and a flat surface: an explicit spring-damper with friction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from hilrig.interfaces import Parameter
+from hilrig.kernel import kernel
+
+FRICTION_SPEED = 5e-3
+"""m/s: sliding speed below which friction falls off linearly (regularised Coulomb)"""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface whose normal is the last task axis: F_n = K (z - z_e) + B (z' - z_e'), F_t = mu F_n sat(x'/eps).
+
+    F is what the robot exerts, positive in penetration. With `pulls` false (the physical reading) F_n is never negative
+    and there is none without penetration; with `pulls` true the formula holds everywhere, as printed in the paper.
+    """
+
+    position: Annotated[float, Parameter("m", "place of the undisturbed surface along its normal, z_e")]
+    stiffness: Annotated[float, Parameter("N/m", "K_e", 0.0, 1e7, "log")] = 800.0
+    damping: Annotated[float, Parameter("N*s/m", "B_e", 0.0, 1e5, "log")] = 20.0
+    friction: Annotated[float, Parameter("", "Coulomb coefficient mu along the surface", 0.0, 2.0)] = 0.0
+    pulls: bool = False
+
+
+class SurfaceState(NamedTuple):
+    """The surface at one instant, disturbances included."""
+
+    position: float
+    velocity: float
+    stiffness: float
+    damping: float
+    friction: float
+    pulls: bool
+
+
+@kernel
+def contact_force(surface: SurfaceState, z: float, z_rate: float, slip: float) -> tuple[float, float]:
+    """Return (normal, tangential) force the robot exerts, N, at height z (m), rate z' and sliding speed `slip` (m/s)."""
+    depth = z - surface.position
+    if depth <= 0.0 and not surface.pulls:
+        return 0.0, 0.0
+    normal = surface.stiffness * depth + surface.damping * (z_rate - surface.velocity)
+    if normal < 0.0 and not surface.pulls:
+        return 0.0, 0.0
+    saturated = min(max(slip / FRICTION_SPEED, -1.0), 1.0)
+    return normal, surface.friction * abs(normal) * saturated
+
+
+def static_penetration(surface: Surface, force: float) -> float:
+    """Return F / K, the depth (m) at which the surface at rest bears `force` (N)."""
+    return force / surface.stiffness if surface.stiffness > 0 else np.inf

@@ -1,0 +1,71 @@
+"""Every error that hilrig raises on purpose.
+
+HilrigError
+├── ExperimentError   the experiment file, or the call, is wrong; carries the place in the file   (exit 2)
+├── RunDirectoryError a run directory is missing, incomplete or not one                           (exit 2)
+├── PluginError       a plug-in cannot be found or does not keep its interface                    (exit 2)
+├── OutOfReach        a position that the robot cannot take
+└── RigError          a process of the rig failed, vanished or did not answer in time             (exit 1)
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import NamedTuple
+
+
+class HilrigError(Exception):
+    """Base of all errors whose message is meant for the user, without a traceback."""
+
+
+class PluginError(HilrigError):
+    """A kind that cannot be loaded, or that does not keep the interface of its group."""
+
+
+class RunDirectoryError(HilrigError):
+    """A directory that is not a run, or a run that lacks what was asked of it."""
+
+
+class RigError(HilrigError):
+    """A process of the rig failed, vanished, or did not answer in time."""
+
+
+class OutOfReach(HilrigError):
+    """A position outside the robot's workspace."""
+
+
+class Place(NamedTuple):
+    """A place in a text file; line and column count from 1."""
+
+    file: str
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+
+class Problem(NamedTuple):
+    """One thing that is wrong, and where."""
+
+    place: Place | None
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.message}" if self.place else self.message
+
+
+class ExperimentError(HilrigError):
+    """The experiment cannot be run as written. All problems found are in `problems`."""
+
+    def __init__(self, problems: Iterable[Problem] | str) -> None:
+        listed = [Problem(None, problems)] if isinstance(problems, str) else list(problems)
+        self.problems: tuple[Problem, ...] = tuple(listed)
+        super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+def nearest(name: str, choices: Iterable[str]) -> str:
+    """Return "; did you mean 'x'?" for the choice most like `name`, or an empty string."""
+    match = difflib.get_close_matches(str(name), [str(choice) for choice in choices], n=1, cutoff=0.6)
+    return f"; did you mean '{match[0]}'?" if match else ""

@@ -1,0 +1,206 @@
+"""What no part of an experiment can know alone: whether its parts fit each other."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+from hilrig import plugins
+from hilrig.document import Keys
+from hilrig.errors import nearest
+from hilrig.experiment.model import Expectation, Experiment, Phase
+from hilrig.interfaces import per_axis
+from hilrig.quantities import quantity, shown
+from hilrig.schema import ONLY_AXIS, Finding, InvalidError
+
+ALL = "all"
+"""Stands for all phases together, in metrics and expectations"""
+
+MAX_TICKS = 5_000_000
+"""A trial's references and disturbances are held in memory."""
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+
+
+def completed(experiment: Experiment) -> Experiment:
+    """Return the experiment with every reference under its axis and every expectation in its metric's unit.
+
+    Raises InvalidError with all that does not fit together.
+    """
+    findings = [
+        *_check_names(experiment), *_check_task(experiment), *_check_time(experiment),
+        *_check_abilities(experiment),
+    ]  # fmt: skip
+    phases, expect = [], []
+    for i, phase in enumerate(experiment.phases):
+        phases.append(_complete_phase(experiment, phase, i, findings))
+    for i, expectation in enumerate(experiment.expect):
+        findings += _check_expectation(experiment, expectation, i)
+        expect.append(_complete_expectation(expectation, i, findings))
+    if findings:
+        raise InvalidError(findings)
+    return replace(experiment, phases=tuple(phases), expect=tuple(expect))
+
+
+def _check_names(experiment: Experiment) -> Iterator[Finding]:
+    yield from _check_name(experiment.name, ("name",), on_key=False)
+    groups: dict[str, Mapping[str, Any]] = {
+        "controllers": experiment.controllers,
+        "conditions": experiment.conditions,
+    }
+    for group, named in groups.items():
+        if not named:
+            yield Finding((group,), f"there are no {group}; an experiment needs one at least")
+        for name in named:
+            yield from _check_name(name, (group, name), on_key=True)
+        yield from _check_unique([(name, (group, name)) for name in named], on_key=True)
+    if not experiment.phases:
+        yield Finding(("phases",), "there are no phases; an experiment needs one at least")
+    for i, phase in enumerate(experiment.phases):
+        yield from _check_name(phase.name, ("phases", i, "name"), on_key=False)
+        if phase.name == ALL:
+            yield Finding(
+                ("phases", i, "name"), f"'{ALL}' stands for all phases together; give the phase another name"
+            )
+    yield from _check_unique(
+        [(p.name, ("phases", i, "name")) for i, p in enumerate(experiment.phases)], on_key=False
+    )
+
+
+def _check_name(name: str, path: Keys, on_key: bool) -> Iterator[Finding]:
+    if not _NAME.fullmatch(name):
+        message = (
+            f"{shown(name)} is no name; use at most 64 letters, digits, '_' and '-', no '_' or '-' first"
+        )
+        yield Finding(path, message, on_key)
+
+
+def _check_unique(named: Iterable[tuple[str, Keys]], on_key: bool) -> Iterator[Finding]:
+    """Names become folders, and some systems take 'PD' and 'pd' for the same."""
+    seen: dict[str, str] = {}
+    for name, path in named:
+        if name.lower() in seen:
+            yield Finding(path, f"the name '{name}' is taken already, by '{seen[name.lower()]}'", on_key)
+        seen.setdefault(name.lower(), name)
+
+
+def _check_task(experiment: Experiment) -> Iterator[Finding]:
+    axes, task = experiment.driver.robot.axes, experiment.task
+    for i, axis in enumerate(task.force_axes):
+        if axis not in axes:
+            yield Finding(("task", "force_axes", i), _no_axis(axis, axes))
+        elif axis in task.force_axes[:i]:
+            yield Finding(("task", "force_axes", i), f"the axis '{axis}' is here twice")
+    for axis in task.start:
+        if axis not in axes:
+            yield Finding(("task", "start", axis), _no_axis(axis, axes), on_key=True)
+    for name in ("inertia", "damping", "stiffness"):
+        try:
+            per_axis(getattr(task.impedance, name), len(axes))
+        except ValueError as error:
+            yield Finding(("task", "impedance", name), f"{error} (axes: {', '.join(axes)})")
+
+
+def _no_axis(axis: str, axes: tuple[str, ...]) -> str:
+    return f"the robot has no axis '{axis}'{nearest(axis, axes)} (axes: {', '.join(axes)})"
+
+
+def _check_time(experiment: Experiment) -> Iterator[Finding]:
+    period, ticks = experiment.period, 0
+    for i, phase in enumerate(experiment.phases):
+        whole = round(phase.duration / period)
+        ticks += whole
+        if whole < 1 or abs(whole * period - phase.duration) > 1e-6 * period:
+            message = f"{phase.duration:g} s is not a whole number of periods of {period:g} s"
+            yield Finding(("phases", i, "duration"), message)
+    if ticks > MAX_TICKS:
+        yield Finding(("phases",), f"{ticks} ticks in all; a trial may have {MAX_TICKS}")
+
+
+def _check_abilities(experiment: Experiment) -> Iterator[Finding]:
+    abilities = experiment.driver.abilities
+    if experiment.clock not in abilities.clocks:
+        able = ", ".join(abilities.clocks)
+        message = f"the driver cannot run with the clock '{experiment.clock}' (it can: {able})"
+        yield Finding(("clock",), message)
+    if experiment.actuation_delay == 0 and experiment.clock != "lockstep":
+        yield Finding(
+            ("actuation_delay",), "0 is possible with the clock 'lockstep' alone; allowed here: 1 to 10"
+        )
+    for name, disturbances in experiment.conditions.items():
+        for i, disturbance in enumerate(disturbances):
+            beyond = [
+                field
+                for field in disturbance.acts_on
+                if field.startswith("plant_") and field not in abilities.inputs
+            ]
+            if beyond:
+                kind = plugins.name_of(type(disturbance))[1]
+                able = ", ".join(abilities.inputs) or "none"
+                message = f"the driver cannot apply '{kind}', on {', '.join(beyond)} (it can: {able})"
+                yield Finding(("conditions", name, i), message)
+
+
+def _complete_phase(experiment: Experiment, phase: Phase, index: int, findings: list[Finding]) -> Phase:
+    """Return the phase with a reference under each axis; what is amiss is added to `findings`."""
+    force = tuple(axis for axis in experiment.driver.robot.axes if axis in experiment.task.force_axes)
+    position = tuple(axis for axis in experiment.driver.robot.axes if axis not in force)
+    for name, axes in (("position", position), ("force", force)):
+        given = getattr(phase, name)
+        if ONLY_AXIS in given and len(axes) == 1:
+            phase = replace(phase, **{name: {axes[0]: given[ONLY_AXIS]}})
+        else:
+            findings += _check_axes(given, axes, ("phases", index), name)
+    return phase
+
+
+def _check_axes(given: Mapping[str, Any], axes: tuple[str, ...], path: Keys, name: str) -> Iterator[Finding]:
+    listed = ", ".join(axes) or "none"
+    if ONLY_AXIS in given:
+        example = f"; write {{{axes[0]}: {{kind: ...}}, ...}}" if axes else ""
+        yield Finding((*path, name), f"which axis is this for?{example} ({name}-controlled axes: {listed})")
+        return
+    for axis in given:
+        if axis not in axes:
+            message = f"'{axis}' is no {name}-controlled axis{nearest(axis, axes)} (these are: {listed})"
+            yield Finding((*path, name, axis), message, on_key=True)
+    for axis in axes:
+        if axis not in given:
+            yield Finding(
+                (*path, name) if given else path,
+                f"'{name}' is missing for the {name}-controlled axis '{axis}'",
+            )
+
+
+def _check_expectation(experiment: Experiment, expectation: Expectation, index: int) -> Iterator[Finding]:
+    choices = {
+        "metric": plugins.kinds("metrics"),
+        "controller": tuple(experiment.controllers),
+        "phase": (*(phase.name for phase in experiment.phases), ALL),
+        "axis": experiment.driver.robot.axes,
+        "condition": tuple(experiment.conditions),
+    }
+    for name, known in choices.items():
+        value = getattr(expectation, name)
+        if value is not None and value not in known:
+            message = f"there is no {name} '{value}'{nearest(value, known)} (known: {', '.join(known)})"
+            yield Finding(("expect", index, name), message)
+    if expectation.below is None and expectation.above is None:
+        yield Finding(("expect", index), "nothing is expected; give 'below' or 'above'")
+
+
+def _complete_expectation(expectation: Expectation, index: int, findings: list[Finding]) -> Expectation:
+    """Return the expectation in its metric's unit; what cannot be converted is added to `findings`."""
+    if expectation.metric not in plugins.kinds("metrics"):
+        return expectation
+    unit = plugins.load("metrics", expectation.metric).unit
+    for name in ("below", "above"):
+        value = getattr(expectation, name)
+        if value is not None:
+            try:
+                expectation = replace(expectation, **{name: quantity(value, unit)})
+            except ValueError as error:
+                findings.append(Finding(("expect", index, name), str(error)))
+    return expectation

@@ -1,0 +1,62 @@
+"""Reading an experiment file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from hilrig import document
+from hilrig.document import Document, Keys
+from hilrig.errors import ExperimentError, Place, Problem
+from hilrig.experiment.crosscheck import completed
+from hilrig.experiment.model import Experiment
+from hilrig.experiment.overrides import override
+from hilrig.quantities import shown
+from hilrig.schema import Context, Finding, InvalidError, json_schema, read
+
+
+def load(path: Path, overrides: Iterable[str] = ()) -> Experiment:
+    """Return the experiment of a file, with overrides such as "controllers.pd.stiffness=100 N/m".
+
+    Raises ExperimentError with everything that is wrong, each with its place.
+    """
+    source = document.read(Path(path))
+    for text in overrides:
+        source = override(source, text)
+    try:
+        experiment = read(Experiment, source.data, Context(Path(path).resolve().parent))
+        return replace(completed(experiment), source=source)
+    except InvalidError as error:
+        raise ExperimentError(_problems(error.findings, source)) from error
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON Schema of experiment files, with every kind that is installed."""
+    return json_schema(Experiment)
+
+
+def _problems(findings: Iterable[Finding], source: Document) -> list[Problem]:
+    """Return the findings in the order of the file."""
+    problems = [
+        Problem(source.place(*found.path, key=found.on_key), _as_written(found, source)) for found in findings
+    ]
+    return sorted(problems, key=lambda problem: (problem.place or Place("", 0, 0))[1:])
+
+
+def _as_written(found: Finding, source: Document) -> str:
+    """Return the message with the value as it stands in the file: 1e-3, not 0.001."""
+    value, written = _at(source.data, found.path), source.written.get(found.path)
+    if written is None or isinstance(value, (str, bool)) or value is None:
+        return found.message
+    return found.message.replace(shown(value), written, 1)
+
+
+def _at(data: Any, path: Keys) -> Any:
+    for key in path:
+        try:
+            data = data[key]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return data

@@ -1,0 +1,102 @@
+"""What an experiment file says, as frozen dataclasses; hilrig.schema reads them by pydantic models."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Annotated, Any, Literal
+
+from hilrig import plugins
+from hilrig.document import Document
+from hilrig.errors import Place
+from hilrig.interfaces import Controller, Disturbance, Driver, Parameter, PerAxis, ReferenceSignal
+from hilrig.schema import ByAxis, Later
+from hilrig.trial import Limits
+
+
+@dataclass(frozen=True)
+class ImpedanceSpec:
+    """The desired dynamics, eq. (3) of the paper; each value once for all axes, or one for each."""
+
+    inertia: Annotated[PerAxis, Parameter("kg", "M_d", 1e-6, 1e6, "log")]
+    damping: Annotated[PerAxis, Parameter("N*s/m", "B_d", 0.0, 1e6, "log")]
+    stiffness: Annotated[PerAxis, Parameter("N/m", "K_d; unused in force-controlled axes", 0.0, 1e7, "log")]
+    states: Literal["measured", "reference"] = "measured"
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is controlled along which axis, and with which desired dynamics."""
+
+    force_axes: Annotated[
+        tuple[str, ...], Parameter("", "axes that are force-controlled; the others follow positions")
+    ]
+    impedance: Annotated[ImpedanceSpec, Parameter("", "the desired dynamics")]
+    velocity_cutoff: Annotated[
+        float, Parameter("Hz", "cut-off frequency of the joint velocity filter", 1e-2, 1e5, "log")
+    ] = 100.0
+    start: Annotated[Mapping[str, float], Parameter("m", "where the tip starts, by axis")] = field(
+        default_factory=dict
+    )
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A span of the experiment with its references."""
+
+    name: Annotated[str, Parameter("", "name of the phase")]
+    duration: Annotated[float, Parameter("s", "how long it lasts, a whole number of periods", 1e-4, 1e5)]
+    position: Annotated[
+        Mapping[str, ReferenceSignal], ByAxis("m"), Parameter("", "x_d: one reference, or one for each axis")
+    ] = field(default_factory=dict)
+    force: Annotated[
+        Mapping[str, ReferenceSignal], ByAxis("N"), Parameter("", "F_d: one reference, or one for each axis")
+    ] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """A measured limit: in every repeat the metric must be below or above a value, in the metric's unit."""
+
+    metric: Annotated[str, Parameter("", "kind of the metric")]
+    controller: Annotated[str, Parameter("", "name of the controller")]
+    phase: Annotated[str, Parameter("", "name of a phase, or 'all'")] = "all"
+    axis: Annotated[str | None, Parameter("", "axis; default: every axis of the metric")] = None
+    condition: Annotated[str | None, Parameter("", "condition; default: every one")] = None
+    below: Annotated[Later, Parameter("", "upper limit, in the metric's unit")] = None
+    above: Annotated[Later, Parameter("", "lower limit, in the metric's unit")] = None
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """An experiment as declared in its file. All values in SI units."""
+
+    hilrig: Annotated[Literal[1], Parameter("", "version of this file's form: 1")]
+    name: Annotated[str, Parameter("", "name of the experiment, usable as the name of a folder")]
+    question: Annotated[str, Parameter("", "what the experiment is to answer")]
+    driver: Annotated[Driver, Parameter("", "the plant: robot, surface, actuation")]
+    task: Annotated[Task, Parameter("", "axes and desired dynamics")]
+    phases: Annotated[tuple[Phase, ...], Parameter("", "one after the other")]
+    controllers: Annotated[Mapping[str, Controller], Parameter("", "what is compared, by name")]
+    conditions: Annotated[
+        Mapping[str, tuple[Disturbance, ...]],
+        Parameter("", "lists of disturbances, by name; all controllers meet all"),
+    ] = field(default_factory=lambda: {"nominal": ()})
+    period: Annotated[float, Parameter("s", "sampling period", 1e-4, 0.1, "log")] = 1e-3
+    clock: Annotated[Literal["lockstep", "realtime"], Parameter("", "who waits for whom")] = "lockstep"
+    actuation_delay: Annotated[
+        int, Parameter("", "ticks from measurement to its command's effect", 0, 10)
+    ] = 1
+    repeats: Annotated[int, Parameter("", "how often, each with its own seed", 1, 10_000)] = 1
+    seed: Annotated[int, Parameter("", "of everything random", 0, 2**63 - 1)] = 0
+    expect: Annotated[tuple[Expectation, ...], Parameter("", "limits to report as met or not")] = ()
+    safety: Annotated[Limits, Parameter("", "where a trial is ended")] = field(default_factory=Limits)
+    source: Document | None = field(default=None, compare=False, repr=False, metadata={"filled": True})
+
+    def place(self, *path: str | int) -> Place | None:
+        """Return where in the file the value at `path` is written, such as ("phases", 0, "position")."""
+        return self.source.place(*path) if self.source else None
+
+    def to_document(self) -> dict[str, Any]:
+        """Return the experiment as plain data for JSON, every quantity a number in SI units."""
+        return {f.name: plugins.dump(getattr(self, f.name)) for f in fields(self) if f.name != "source"}

@@ -1,0 +1,87 @@
+"""Overrides: values given beside the file, such as "repeats=1" or "controllers.pd.stiffness=100 N/m"."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+from hilrig import document
+from hilrig.document import Document, Keys
+from hilrig.errors import ExperimentError, Place, Problem, nearest
+
+NAMED = (("controllers",), ("conditions",))
+"""Mappings with names of the user's own: an override changes what is there, and adds nothing"""
+
+
+def override(source: Document, text: str) -> Document:
+    """Return the document with `text`, "dotted.path=value", applied; the value is read as YAML.
+
+    Items of a list are named by their `name` or by their index from 0. Raises ExperimentError if the path
+    leads nowhere.
+    """
+    file = f"--set {text}"
+    path_text, equals, value_text = text.partition("=")
+    if not equals or not path_text.strip():
+        raise _error(file, f"'{text}' is no override; write path=value, such as repeats=1")
+    value = document.parse(value_text, file)
+    data = copy.deepcopy(source.data)
+    path = _resolved(data, path_text.strip().split("."), file)
+    parent = data
+    for key in path[:-1]:
+        parent = parent[key]
+    parent[path[-1]] = value.data
+    return _merged(source, data, path, value)
+
+
+def _resolved(data: Any, names: list[str], file: str) -> Keys:
+    """Return the path that `names` mean in `data`, making mappings on the way where sections are left out."""
+    path: Keys = ()
+    for depth, name in enumerate(names):
+        if isinstance(data, list):
+            index = _index(data, name, file)
+            data, path = data[index], (*path, index)
+        elif isinstance(data, dict):
+            last = depth == len(names) - 1
+            if name not in data and (path in NAMED or (path and not last)):
+                there = ", ".join(data) or "nothing"
+                message = f"there is no '{name}' in {_dotted(path)}{nearest(name, data)} (there: {there})"
+                raise _error(file, message)
+            data, path = data.get(name) if last else data.setdefault(name, {}), (*path, name)
+        else:
+            raise _error(file, f"{_dotted(path)} is a single value; it has no '{name}'")
+    return path
+
+
+def _index(items: list[Any], name: str, file: str) -> int:
+    names = [str(item.get("name", i)) if isinstance(item, dict) else str(i) for i, item in enumerate(items)]
+    if name in names:
+        return names.index(name)
+    if name.isdecimal() and int(name) < len(items):
+        return int(name)
+    raise _error(file, f"there is no item '{name}'{nearest(name, names)} (there: {', '.join(names)})")
+
+
+def _merged(source: Document, data: Any, path: Keys, value: Document) -> Document:
+    """Return the document with the places of what was replaced taken from the override."""
+
+    def merge(old: dict[Keys, Any], new: dict[Keys, Any]) -> dict[Keys, Any]:
+        kept = {key: item for key, item in old.items() if key[: len(path)] != path}
+        return {**kept, **{(*path, *key): item for key, item in new.items()}}
+
+    start = Place(value.file, 1, 1)
+    keys = merge(source.keys, {(): start, **value.keys})
+    return Document(
+        source.file,
+        data,
+        merge(source.values, {(): start, **value.values}),
+        keys,
+        merge(source.written, value.written),
+    )
+
+
+def _error(file: str, message: str) -> ExperimentError:
+    return ExperimentError([Problem(Place(file, 1, 1), message)])
+
+
+def _dotted(path: Keys) -> str:
+    return f"'{'.'.join(map(str, path))}'"

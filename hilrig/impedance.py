@@ -1,0 +1,92 @@
+"""The hybrid impedance filter that every control law shares: eqs. (3) to (5) of the paper, and its auxiliary error (25)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hilrig.interfaces import Impedance
+from hilrig.kernel import kernel
+from hilrig.signals import Array, Reference, State
+
+VELOCITY_CLIP = 0.1
+"""m/s: how far v_d may run from x' (anti-windup)"""
+POSITION_CLIP = 0.02
+"""m: how far p_d may run from x (anti-windup). At an obstacle one clip without the other fails."""
+
+
+@kernel
+def desired_acceleration(
+    impedance: Impedance, position: Array, velocity: Array, force: Array, reference: Reference
+) -> Array:
+    """Return a_d of eq. (4), (m,) m/s^2.
+
+    a_d = M_d^-1 [-B_d (x' - Sigma x_d') - K_d Sigma (x - x_d) + (I - Sigma) F_d - F_e] + Sigma x_d''
+    """
+    sigma = impedance.sigma
+    drive = (
+        -impedance.damping * (velocity - sigma * reference.velocity)
+        - impedance.stiffness * sigma * (position - reference.position)
+        + (1.0 - sigma) * reference.force
+        - force
+    )
+    return drive / impedance.inertia + sigma * reference.acceleration
+
+
+@kernel
+def advance_filter(
+    impedance: Impedance,
+    period: float,
+    filter_position: Array,
+    filter_velocity: Array,
+    state: State,
+    reference: Reference,
+) -> Array:
+    """Integrate p_d and v_d of eq. (5) by one period, in place, and return a_d (m,) m/s^2.
+
+    With reference states the filter runs on p_d, v_d (an admittance); otherwise on the measured x, x' as printed.
+    Both integrals are kept near the measured state: v_d within x' +- 0.1 m/s, p_d within x +- 0.02 m.
+    """
+    if impedance.reference_states:
+        acceleration = desired_acceleration(
+            impedance, filter_position, filter_velocity, state.force, reference
+        )
+    else:
+        acceleration = desired_acceleration(
+            impedance, state.position, state.velocity, state.force, reference
+        )
+    for i in range(acceleration.size):
+        speed = filter_velocity[i] + period * acceleration[i]
+        v = state.velocity[i]
+        filter_velocity[i] = min(max(speed, v - VELOCITY_CLIP), v + VELOCITY_CLIP)
+        place = filter_position[i] + period * filter_velocity[i]
+        x = state.position[i]
+        filter_position[i] = min(max(place, x - POSITION_CLIP), x + POSITION_CLIP)
+    return acceleration
+
+
+@kernel
+def joint_torque(jacobian: Array, task_force: Array) -> Array:
+    """Return J^T f: the joint torque (n,) N m of a task force (m,) N."""
+    return np.dot(np.ascontiguousarray(jacobian.T), task_force)
+
+
+@kernel
+def task_force(jacobian: Array, torque: Array) -> Array:
+    """Return J^-T tau: the task force (m,) N of a joint torque (n,) N m."""
+    return np.linalg.solve(np.ascontiguousarray(jacobian.T), torque)
+
+
+@kernel
+def model_torque(regressor: Array, v: Array, a: Array, parameters: Array) -> Array:
+    """Return M a + C v + G + F for theta = `parameters` (p,), from the regressor R of `Kinematics`; (n,) N m."""
+    return np.dot(regressor_matrix(regressor, v, a), parameters)
+
+
+@kernel
+def regressor_matrix(regressor: Array, v: Array, a: Array) -> Array:
+    """Return Y = R[0] + sum v_i R[1+i] + sum a_i R[1+n+i], (n, p)."""
+    n = v.size
+    matrix = regressor[0].copy()
+    for i in range(n):
+        matrix += v[i] * regressor[1 + i] + a[i] * regressor[1 + n + i]
+    return matrix

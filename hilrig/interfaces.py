@@ -1,0 +1,232 @@
+"""What each kind of plug-in must offer. A kind is a file with one public frozen dataclass; its fields are the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol
+
+import numpy as np
+
+from hilrig.signals import Array, Command, Inputs, Kinematics, Measurement, Nudge, Reference, State, Truth
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Metadata of a parameter, put on a dataclass field as Annotated[float, Parameter(...)].
+
+    `unit` is the SI unit ("" for a pure number), `low` and `high` the allowed range (inclusive), `scale` how a search
+    should treat it, `meaning` one line for people.
+    """
+
+    unit: str
+    meaning: str = ""
+    low: float = -np.inf
+    high: float = np.inf
+    scale: Literal["linear", "log"] = "linear"
+
+
+PerAxis = float | tuple[float, ...]
+"""A parameter given once for all axes, or once per axis."""
+
+
+def per_axis(value: PerAxis, size: int) -> Array:
+    """Return `value` as an array (size,); a single number counts for every axis.
+
+    Raises ValueError if a list has another length.
+    """
+    array = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    if array.size not in (1, size):
+        raise ValueError(f"{array.size} values where the task has {size}")
+    return np.ascontiguousarray(np.broadcast_to(array, (size,)))
+
+
+class Impedance(NamedTuple):
+    """The desired dynamics, eq. (3), one entry per task axis."""
+
+    sigma: Array
+    """Diagonal of Sigma, (m,): 1 position-controlled, 0 force-controlled"""
+    inertia: Array
+    """M_d, (m,) kg"""
+    damping: Array
+    """B_d, (m,) N s/m"""
+    stiffness: Array
+    """K_d, (m,) N/m; unused in force-controlled axes"""
+    reference_states: bool
+    """Whether the filter runs on its own states p_d, v_d (True) or on the measured x, x' (False)"""
+
+
+class Task(NamedTuple):
+    """What a control law is told before a trial."""
+
+    period: float
+    """l, s"""
+    axes: tuple[str, ...]
+    """Names of the m task axes"""
+    impedance: Impedance
+    dynamic_parameters: Array
+    """theta of the nominal robot, (p,); empty if the robot has no model"""
+    torque_limit: Array
+    """(n,) N m"""
+
+
+class Law(NamedTuple):
+    """A control law ready to run: torque = step(parameters, memory, state, reference).
+
+    `step` writes what it must remember into the arrays of `memory` and returns the joint torque (n,) before limits.
+    Every field of `memory` is published and recorded under its name.
+    """
+
+    step: Callable[[Any, Any, State, Reference], Array]
+    parameters: Any
+    memory: Any
+
+
+class Controller(Protocol):
+    """Group `controllers`."""
+
+    def start(self, task: Task, state: State) -> Law:
+        """Return the law for one trial that begins in `state`. Raises ValueError if a parameter does not fit the task."""
+        ...
+
+
+class Span(NamedTuple):
+    """The phase for which a reference is sampled."""
+
+    start: float
+    """s, trial time"""
+    end: float
+    """s, trial time"""
+    previous: float | None
+    """Last value of the phase before; None in the first phase"""
+
+
+class Samples(NamedTuple):
+    """A scalar reference over time, three arrays (N,): value and its first two derivatives."""
+
+    value: Array
+    rate: Array
+    acceleration: Array
+
+
+class ReferenceSignal(Protocol):
+    """Group `references`: one scalar desired quantity (a position in m or a force in N)."""
+
+    def sample(self, time: Array, span: Span) -> Samples:
+        """Return the reference at trial times `time` (N,) s, all within `span`. Raises ValueError if it cannot."""
+        ...
+
+
+class Disturbance(Protocol):
+    """Group `disturbances`."""
+
+    acts_on: ClassVar[tuple[str, ...]]
+    """The fields of `Inputs` it changes"""
+
+    def apply(self, inputs: Inputs, time: Array, axes: tuple[str, ...], random: np.random.Generator) -> None:
+        """Add itself to `inputs` in place, for trial times `time` (N,) s. Raises ValueError if it does not fit `axes`."""
+        ...
+
+
+class Robot(Protocol):
+    """Group `robots`: geometry and nominal dynamics, shared by controller and driver."""
+
+    axes: ClassVar[tuple[str, ...]]
+    joints: ClassVar[int]
+
+    def forward_kinematics(self, joint_position: Array) -> Array:
+        """Return x (m,) m."""
+        ...
+
+    def inverse_kinematics(self, position: Array) -> Array:
+        """Return q (n,) rad. Raises OutOfReach."""
+        ...
+
+    def kinematics(self, joint_position: Array, joint_velocity: Array) -> Kinematics:
+        """Return geometry and regressor at (q, q')."""
+        ...
+
+    def dynamic_parameters(self) -> Array:
+        """Return the nominal theta (p,); empty if the robot has no model."""
+        ...
+
+    def torque_limits(self) -> Array:
+        """Return the largest joint torque, (n,) N m."""
+        ...
+
+    def joint_limits(self) -> tuple[Array, Array]:
+        """Return the lowest and highest joint position, (n,) rad each."""
+        ...
+
+
+class Abilities(NamedTuple):
+    """What a driver can do."""
+
+    clocks: tuple[str, ...]
+    inputs: tuple[str, ...]
+    """The plant fields of `Inputs` it can apply"""
+    simulated: bool
+
+
+class Begin(NamedTuple):
+    """What a driver is told before a trial."""
+
+    period: float
+    """s"""
+    joint_position: Array
+    """Where the trial begins, at rest, (n,) rad"""
+
+
+class Plant(Protocol):
+    """A driver at work in one trial."""
+
+    def measure(self, disturbance: Nudge) -> Measurement:
+        """Return what the sensors say now."""
+        ...
+
+    def advance(self, command: Command, disturbance: Nudge) -> None:
+        """Apply `command` for one period. A real plant sends it and returns."""
+        ...
+
+    def hold(self) -> Command:
+        """Return the command that holds the plant where it is; in effect until the first command arrives."""
+        ...
+
+    def truth(self, disturbance: Nudge) -> Truth | None:
+        """Return the true state now, or None where nobody knows it."""
+        ...
+
+    def close(self) -> None:
+        """Leave the plant in a safe state."""
+        ...
+
+
+class Driver(Protocol):
+    """Group `drivers`: code that speaks to one plant. It knows nothing of the bus."""
+
+    abilities: ClassVar[Abilities]
+    robot: Robot
+
+    @property
+    def servo_gain(self) -> float | None:
+        """k_ref of eq. (26), N m/rad, if the plant takes joint positions; None if it takes torques."""
+        ...
+
+    @property
+    def surface_position(self) -> float:
+        """Nominal place of the surface along the last task axis, m."""
+        ...
+
+    def begin(self, begin: Begin) -> Plant:
+        """Take hold of the plant, at rest at the given joint position."""
+        ...
+
+
+class Metric(Protocol):
+    """Group `metrics`: one figure of merit of one phase of one trial."""
+
+    unit: ClassVar[str]
+
+    def measure(self, record: Any) -> dict[str, float]:
+        """Return the value for each axis name, or under "" where there is no axis."""
+        ...

@@ -1,0 +1,47 @@
+"""Compiled functions: `@kernel` marks mathematics that numba compiles and keeps between processes.
+
+Every trial runs in fresh processes, so a kernel is compiled once for a machine and then loaded. numba itself looks only
+at the file in which a function stands; a kernel that calls another file's kernel would go stale when that file changes.
+So the cache's folder is named after the state of all sources that a kernel can call: a changed source starts a new one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+@cache
+def _source_state(folder: Path) -> str:
+    """Digest of the sources that a kernel in `folder` can depend on: files with kernels, and the types they pass."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    package = Path(__file__).parent
+    for path in [*sorted(package.rglob("*.py")), *sorted(folder.glob("*.py"))]:
+        text = path.read_bytes()
+        if b"@kernel" in text or b"NamedTuple" in text:
+            digest.update(f"{path.name}:{len(text)};".encode() + text)
+    return digest.hexdigest()[:16]
+
+
+def _cache_folder(function: Callable[..., Any]) -> str:
+    """Where the compiled `function` is kept: below $HILRIG_CACHE_DIR, else the user's cache directory."""
+    user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    base = os.environ.get("HILRIG_CACHE_DIR") or os.path.join(user, "hilrig")
+    return os.path.join(base, "kernels", _source_state(Path(function.__code__.co_filename).parent))
+
+
+def kernel(function: Function) -> Function:
+    """Compile `function` with numba, strictly IEEE (no fast-math), cached between processes.
+
+    The plain Python function stays reachable as `.py_func`.
+    """
+    numba.config.CACHE_DIR = _cache_folder(function)  # pyright: ignore[reportAttributeAccessIssue]
+    return cast(Function, numba.njit(cache=True, error_model="numpy")(function))

@@ -1,0 +1,190 @@
+"""The meaning of one tick, written once: used in one process, in lockstep over the bus and in real time.
+
+At tick k (t = k * period) the driver side measures and the controller side answers. During the period that begins at
+tick k the plant is under the command of tick k - delay; before there is one, under the command that holds it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from hilrig.actuation import position_reference
+from hilrig.errors import HilrigError
+from hilrig.interfaces import Begin, Law, Plant, Robot, Task
+from hilrig.kernel import kernel
+from hilrig.safety import Monitor, Tripped
+from hilrig.signals import (
+    WRENCH_AXES,
+    Array,
+    Command,
+    Inputs,
+    Measurement,
+    Reference,
+    State,
+    Truth,
+    nudge,
+)
+from hilrig.trial import Trial, inputs, make_task, references, start_joint_position
+
+
+class PlantSide:
+    """The driver's half of a trial: plant, disturbances, sensors and safety."""
+
+    def __init__(self, trial: Trial) -> None:
+        self.trial = trial
+        self.inputs: Inputs = inputs(trial)
+        self.plant: Plant = trial.driver.begin(Begin(trial.period, start_joint_position(trial)))
+        self._monitor = Monitor(trial.limits, trial.period)
+        self._delays = self.inputs.measurement_delay.astype(int)
+        self._past: deque[Measurement] = deque(maxlen=int(self._delays.max(initial=0)) + 1)
+        self.hold: Command | None = None
+
+    def measure(self, tick: int) -> tuple[Measurement, Truth | None]:
+        """Return what the sensors report at `tick`, with their errors and delays, and the truth where there is one.
+
+        Raises Tripped if a safety limit is exceeded.
+        """
+        disturbance = nudge(self.inputs, tick)
+        exact = self.plant.measure(disturbance)
+        if self.hold is None:
+            self.hold = self.plant.hold()
+        self._monitor.check(tick, exact)
+        self._past.append(exact)
+        age = min(int(self._delays[tick]), len(self._past) - 1)
+        return self._sensed(self._past[-1 - age], tick), self.plant.truth(disturbance)
+
+    def _sensed(self, exact: Measurement, tick: int) -> Measurement:
+        return Measurement(
+            exact.joint_position + self.inputs.joint_error[tick],
+            exact.wrench + self.inputs.wrench_error[tick],
+            exact.applied_torque,
+        )
+
+    def advance(self, tick: int, command: Command | None) -> None:
+        """Let the period that begins at `tick` pass under `command` (None: the holding one)."""
+        held = command if command is not None else self.hold
+        assert held is not None, "measure() comes first"
+        self.plant.advance(held, nudge(self.inputs, tick))
+
+    def close(self) -> None:
+        """Release the plant."""
+        self.plant.close()
+
+
+class Answer(NamedTuple):
+    """What the controller's half makes of one measurement."""
+
+    command: Command
+    state: State
+    reference: Reference
+    memory: Any
+    """The law's own; its arrays change at the next tick"""
+
+
+class ControlSide:
+    """The controller's half of a trial: kinematics, velocity filter, reference, law and torque limits."""
+
+    def __init__(self, trial: Trial) -> None:
+        self.trial = trial
+        self.task: Task = make_task(trial)
+        self._references = references(trial)
+        self._robot: Robot = trial.driver.robot
+        self._k_ref = trial.driver.servo_gain
+        self._force_index = np.array([WRENCH_AXES.index(axis) for axis in self._robot.axes])
+        self._smoothing = 1.0 - np.exp(-2.0 * np.pi * trial.task.velocity_cutoff * trial.period)
+        self._last_position: Array | None = None
+        self._velocity = np.zeros(self._robot.joints)
+        self._torque = np.zeros(self._robot.joints)
+        self.law: Law | None = None
+
+    def control(self, tick: int, measurement: Measurement) -> Answer:
+        """Return the answer to the measurement of `tick`; the first call starts the law.
+
+        Raises Tripped if the law's torque is not finite.
+        """
+        state = self._observe(measurement)
+        if self.law is None:
+            self.law = self.trial.controller.start(self.task, state)
+        reference = Reference(*(signal[tick] for signal in self._references))
+        wished = self.law.step(self.law.parameters, self.law.memory, state, reference)
+        if not np.isfinite(wished).all():
+            raise Tripped(f"tick {tick}: the torque of controller '{self.trial.controller_name}' is not finite: {wished}")
+        self._torque = limited(np.asarray(wished, dtype=np.float64), self.task.torque_limit)
+        position = position_reference(self._torque, measurement.joint_position, self._k_ref)
+        return Answer(Command(self._torque, position), state, reference, self.law.memory)
+
+    def _observe(self, measurement: Measurement) -> State:
+        q = measurement.joint_position
+        if self._last_position is None:
+            self._last_position, self._torque = q, measurement.applied_torque
+        filter_velocity(self._velocity, q, self._last_position, self.trial.period, self._smoothing)
+        self._last_position = q
+        at = self._robot.kinematics(q, self._velocity)
+        return State(
+            q, self._velocity.copy(), at.position, at.velocity, at.jacobian, at.jacobian_rate, at.regressor,
+            measurement.wrench[self._force_index], self._torque,
+        )  # fmt: skip
+
+
+@kernel
+def filter_velocity(velocity: Array, q: Array, last_q: Array, period: float, smoothing: float) -> None:
+    """Move q' on by one sample, in place: q' += a ((q - q_prev)/l - q'), a = 1 - exp(-2 pi f_c l)."""
+    velocity += smoothing * ((q - last_q) / period - velocity)
+
+
+@kernel
+def limited(torque: Array, limit: Array) -> Array:
+    """Return `torque` (n,) within +- limit (n,) N m."""
+    return np.minimum(np.maximum(torque, -limit), limit)
+
+
+def warm_up(trial: Trial) -> dict[str, int]:
+    """Run one tick of both halves beside the trial, so that kernels are compiled and loaded before time counts.
+
+    Returns the length of every field of the law's memory.
+    """
+    plant_side, control_side = PlantSide(trial), ControlSide(trial)
+    try:
+        measurement, _ = plant_side.measure(0)
+        answer = control_side.control(0, measurement)
+        plant_side.advance(0, answer.command)
+    finally:
+        plant_side.close()
+    return {name: np.size(value) for name, value in zip(type(answer.memory)._fields, answer.memory, strict=True)}
+
+
+class Wire(Protocol):
+    """How the driver side reaches the controller side: over the bus, or by a call."""
+
+    def wait(self, tick: int) -> None:
+        """Wait until the tick may begin. Raises Stopped if the trial is to end."""
+        ...
+
+    def publish(self, tick: int, measurement: Measurement, truth: Truth | None) -> None:
+        """Hand on what was measured at `tick`."""
+        ...
+
+    def command(self, tick: int, wanted: int) -> Command | None:
+        """Return the command of tick `wanted` for the period that begins at `tick`, or the one to hold instead.
+
+        None before there is one.
+        """
+        ...
+
+
+class Stopped(HilrigError):
+    """The trial was told to end before its last tick."""
+
+
+def drive(side: PlantSide, wire: Wire) -> Iterator[int]:
+    """Run the trial tick by tick from the driver's side; yield the number of ticks done."""
+    for tick in range(side.trial.ticks):
+        wire.wait(tick)
+        measurement, truth = side.measure(tick)
+        wire.publish(tick, measurement, truth)
+        side.advance(tick, wire.command(tick, tick - side.trial.actuation_delay))
+        yield tick + 1

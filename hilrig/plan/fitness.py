@@ -1,0 +1,119 @@
+"""Whether a trial can be run: references, disturbances, workspace, and the controller's parameters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hilrig.errors import OutOfReach
+from hilrig.signals import Array, State
+from hilrig.trial import Trial, UnusableReferenceError, inputs, make_task, sample_axis, start_joint_position
+
+Keys = tuple[str | int, ...]
+
+CHECK_EVERY = 0.01
+"""s between the instants at which a trajectory is checked against the workspace, besides its extremes"""
+
+
+class MisfitError(Exception):
+    """A trial that cannot be run as planned: `path` leads to what is wrong in the experiment."""
+
+    def __init__(self, path: Keys, message: str) -> None:
+        self.path = path
+        super().__init__(message)
+
+
+def sampled(trial: Trial, axis: str) -> Array:
+    """Return the reference of `axis` at every tick, (N,). Raises MisfitError at a phase."""
+    try:
+        return sample_axis(trial, axis).value
+    except UnusableReferenceError as error:
+        field = "force" if axis in trial.task.force_axes else "position"
+        raise MisfitError(("phases", error.index, field), str(error)) from error
+
+
+def check_disturbances(trial: Trial) -> None:
+    """Raise MisfitError if one of the condition's disturbances does not fit the robot."""
+    for index, disturbance in enumerate(trial.disturbances):
+        try:
+            inputs(replace(trial, disturbances=(disturbance,)))
+        except ValueError as error:
+            raise MisfitError(("conditions", trial.condition_name, index), str(error)) from error
+
+
+def check_workspace(trial: Trial) -> None:
+    """Raise MisfitError, naming phase, time and place, if the path leaves the workspace or joint limits.
+
+    The path is the references in position axes and the surface, as it moves, in the force axis; it is
+    looked at every 10 ms and at its extremes in every axis. Force references are sampled, too.
+    """
+    path = _trajectory(trial)
+    _check_point(trial, 0, np.array(trial.start_position))
+    last = 0
+    for tick in _instants(trial, path):
+        try:
+            _check_point(trial, tick, path[tick])
+        except MisfitError:
+            # Name the first tick that is out of reach, not the first one looked at.
+            for earlier in range(last, tick + 1):
+                _check_point(trial, earlier, path[earlier])
+        last = tick
+
+
+def _trajectory(trial: Trial) -> Array:
+    """Return where the tip is meant to be at every tick, (N, m) m."""
+    path = np.tile(np.array(trial.start_position), (trial.ticks, 1))
+    for i, axis in enumerate(trial.axes):
+        reference = sampled(trial, axis)
+        if axis not in trial.task.force_axes:
+            path[:, i] = reference
+        elif axis == trial.axes[-1]:
+            path[:, i] = trial.driver.surface_position + inputs(trial).plant_surface_offset
+    return path
+
+
+def _instants(trial: Trial, path: Array) -> list[int]:
+    """Return the ticks to look at: every 10 ms, and the extremes of every axis in every phase."""
+    ticks = set(range(0, trial.ticks, max(1, round(CHECK_EVERY / trial.period))))
+    for phase in trial.phases:
+        start = trial.tick_of(phase.start)
+        part = path[start : trial.tick_of(phase.end)]
+        ticks |= {start + int(i) for i in (*part.argmin(axis=0), *part.argmax(axis=0))}
+    return sorted(ticks)
+
+
+def _check_point(trial: Trial, tick: int, position: Array) -> None:
+    robot = trial.driver.robot
+    index = next(i for i, phase in enumerate(trial.phases) if tick < trial.tick_of(phase.end))
+    where = ", ".join(f"{axis} = {value:.4g} m" for axis, value in zip(trial.axes, position, strict=True))
+    at = f"phase '{trial.phases[index].name}', t = {tick * trial.period:.4g} s: {where}"
+    try:
+        q = robot.inverse_kinematics(position)
+    except OutOfReach as error:
+        raise MisfitError(("phases", index, "position"), f"{at} is out of reach: {error}") from error
+    lower, upper = robot.joint_limits()
+    for joint, (value, low, high) in enumerate(zip(q, lower, upper, strict=True), start=1):
+        if not low <= value <= high:
+            limits = f"it moves from {low:.4g} to {high:.4g} rad"
+            message = f"{at} needs joint {joint} at {value:.4g} rad; {limits}"
+            raise MisfitError(("phases", index, "position"), message)
+
+
+def check_controller(trial: Trial) -> None:
+    """Raise MisfitError if the controller's parameters do not fit the task, by starting its law once."""
+    try:
+        trial.controller.start(make_task(trial), _at_rest(trial))
+    except ValueError as error:
+        raise MisfitError(("controllers", trial.controller_name), str(error)) from error
+
+
+def _at_rest(trial: Trial) -> State:
+    """Return the state at rest at the start, without contact."""
+    robot = trial.driver.robot
+    q, still = start_joint_position(trial), np.zeros(robot.joints)
+    at = robot.kinematics(q, still)
+    return State(
+        q, still, at.position, at.velocity, at.jacobian, at.jacobian_rate, at.regressor,
+        np.zeros(len(robot.axes)), still.copy(),
+    )  # fmt: skip

@@ -1,0 +1,133 @@
+"""Quantities as people write them: a bare SI number, or a number with its unit such as "180 N/m".
+
+Angle is a dimension here, and Hz means turns per second: "1 Hz" is 2 pi rad/s, and a torque is no joint
+stiffness.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pint
+
+_DEFINITIONS = """
+nano- = 1e-9 = n-
+micro- = 1e-6 = µ- = u-
+milli- = 1e-3 = m-
+centi- = 1e-2 = c-
+kilo- = 1e3 = k-
+mega- = 1e6 = M-
+giga- = 1e9 = G-
+meter = [length] = m
+second = [time] = s
+gram = [mass] = g
+radian = [angle] = rad
+minute = 60 * second = min
+turn = 6.283185307179586 * radian
+degree = 0.017453292519943295 * radian = deg
+hertz = turn / second = Hz
+rpm = turn / minute
+newton = kilogram * meter / second ** 2 = N
+joule = newton * meter = J
+watt = joule / second = W
+percent = 0.01
+"""
+
+_NAMES = {
+    "s": "a time", "m": "a length", "kg": "a mass", "rad": "an angle", "N": "a force", "m/s": "a speed",
+    "m/s^2": "an acceleration", "rad/s": "an angular speed", "rad/s^2": "an angular acceleration",
+    "N/m": "a stiffness", "N*s/m": "a damping", "N*m": "a torque or energy", "N*m/rad": "a joint stiffness",
+    "N*m*s/rad": "a joint damping", "kg*m^2": "a moment of inertia", "W": "a power", "1/s": "a rate",
+    "": "a pure number",
+}  # fmt: skip
+"""What people call a quantity of a unit's dimension."""
+
+_EXAMPLES = {
+    "s": "1 ms", "m": "0.1 m", "kg": "3 kg", "rad": "90 deg", "N": "3.5 N", "m/s": "0.1 m/s",
+    "rad/s": "1 rad/s", "Hz": "100 Hz", "N/m": "800 N/m", "N*s/m": "20 N*s/m", "N*m": "2 N*m", "": "0.5",
+}  # fmt: skip
+
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+_UNIT = re.compile(r"(?:[A-Za-zµ%1()*/ ]|(?:\^|\*\*) ?-?[1-9](?!\d)){0,40}")
+"""Units may hold names, products, quotients and powers of one digit: nothing that is costly to work out."""
+
+
+def quantity(value: Any, unit: str) -> float:
+    """Return `value` as a number in `unit`: a bare number is taken as such, a text is converted.
+
+    Raises ValueError, with a message for people, for anything that is no finite quantity of that dimension.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise ValueError(f"{shown(value)} is not a quantity; this needs {described(unit)}")
+    number = _converted(value, unit) if isinstance(value, str) else float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{shown(value)} is not a finite number; this needs {described(unit)}")
+    return number
+
+
+def described(unit: str) -> str:
+    """Return what a quantity in `unit` is called, with an example, such as "a time, e.g. '1 ms'"."""
+    name = _NAMES.get(unit) or _name_of(unit)
+    return f"{name}, e.g. '{_EXAMPLES[unit]}'" if unit in _EXAMPLES else f"{name} in {unit}"
+
+
+def shown(value: Any) -> str:
+    """Return a value of the experiment file as a message shows it."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (int, float)):
+        return repr(value)
+    if isinstance(value, dict):
+        return "a mapping"
+    text = str(value) if isinstance(value, str) else f"a list of {len(value)}"
+    return f"'{text if len(text) <= 60 else text[:57] + '...'}'" if isinstance(value, str) else text
+
+
+def _converted(text: str, unit: str) -> float:
+    match = _NUMBER.fullmatch(text)
+    if match is None:
+        raise ValueError(f"{shown(text)} is not a quantity; this needs {described(unit)}")
+    written = match[2]
+    if not written:
+        return float(match[1])
+    given, wanted = _parsed(text, written), _registry().parse_units(unit)
+    if given.dimensionality != wanted.dimensionality:
+        raise ValueError(f"{shown(text)} is {_name_of(written)} [{written}]; this needs {described(unit)}")
+    factor = _registry().Quantity(1.0, given).to(wanted).magnitude
+    return float(match[1]) * float(factor)
+
+
+def _parsed(text: str, unit: str) -> pint.Unit:
+    if not _UNIT.fullmatch(unit):
+        raise ValueError(f"{shown(text)}: '{unit}' is not a unit")
+    try:
+        return _registry().parse_units(unit.replace("%", "percent"))
+    except Exception as error:  # pint raises many kinds, some of them from Python's own tokenizer
+        raise ValueError(
+            f"{shown(text)}: '{unit}' is not a unit hilrig knows (m, kg, s, N, rad, deg, Hz, W, J, %)"
+        ) from error
+
+
+def _name_of(unit: str) -> str:
+    """Return what a quantity of the unit's dimension is called."""
+    dimension = _registry().parse_units(unit.replace("%", "percent")).dimensionality
+    for known, name in _NAMES.items():
+        if _registry().parse_units(known).dimensionality == dimension:
+            return name
+    return "a quantity"
+
+
+@cache
+def _registry() -> pint.UnitRegistry:
+    import pint  # takes as long to import as everything else here, and many calls need none of it
+
+    registry: pint.UnitRegistry = pint.UnitRegistry(None)  # pyright: ignore[reportArgumentType]
+    for line in _DEFINITIONS.strip().splitlines():
+        registry.define(line)
+    return registry

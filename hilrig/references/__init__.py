@@ -1,0 +1,1 @@
+"""References: one scalar desired quantity over time, a position in m or a force in N."""

@@ -1,0 +1,119 @@
+"""Who was best, as far as the repeats allow one to say: summary, verdicts and the difference of two runs.
+
+The rule. A cell is one metric on one axis in one phase of one condition. Repeat i is the same world for every controller,
+so values are compared in pairs, over the repeats that both completed. The controller with the lowest mean is marked best
+only if against every other controller the paired difference has a 95 % Student t interval above zero, from three pairs
+or more. Where repeats are identical to the last bit there is no spread to judge: any difference above rounding marks it,
+and the table says that the repeats are identical. A single repeat, or two that differ, mark nobody.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+CELL = ["condition", "phase", "metric", "axis"]
+LEAST_PAIRS = 3
+ROUNDING = 1e-9
+"""Relative difference below which two values count as equal"""
+
+_T = (
+    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131,
+    2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042,
+)  # fmt: skip
+
+
+def t_quantile(freedom: int) -> float:
+    """Return the 97.5 % quantile of Student's t for `freedom` >= 1 degrees of freedom, to 3 decimals."""
+    if freedom <= len(_T):
+        return _T[freedom - 1]
+    z = 1.959964
+    return z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)
+
+
+def interval(differences: np.ndarray) -> tuple[float, float]:
+    """Return the 95 % t interval of the mean of `differences` (n,); (-inf, inf) for n < 2 or non-finite values."""
+    n = differences.size
+    if n < 2 or not np.all(np.isfinite(differences)):
+        return -np.inf, np.inf
+    mean = float(np.mean(differences))
+    half = t_quantile(n - 1) * float(np.std(differences, ddof=1)) / np.sqrt(n)
+    return mean - half, mean + half
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Who is best in one cell, and why or why not."""
+
+    best: str | None
+    """The controller marked, or None"""
+    lowest: str | None
+    """The controller with the lowest mean, marked or not; None if there is no single one"""
+    basis: str
+    """One phrase: what the mark rests on, or why there is none"""
+
+
+def verdict(values: pd.DataFrame) -> Verdict:
+    """Judge one cell: `values` has a row for each repeat and a column for each controller; NaN where not completed."""
+    values = values.dropna(axis="columns", how="all")
+    if values.shape[1] < 2:
+        return Verdict(None, None, "one controller")
+    means = values.mean()
+    if means.isna().all():
+        return Verdict(None, None, "undefined")
+    lowest = str(means.idxmin())
+    others = [str(name) for name in values.columns if name != lowest]
+    reasons = [_against(values[[lowest, other]].dropna().to_numpy()) for other in others]
+    blocking = [basis for wins, basis in reasons if not wins]
+    if "tie" in blocking:
+        return Verdict(None, None, "tie")
+    if blocking:
+        return Verdict(None, lowest, blocking[0])
+    return Verdict(lowest, lowest, reasons[0][1])
+
+
+def _against(pairs: np.ndarray) -> tuple[bool, str]:
+    """Judge pairs (n, 2) of a lower and another controller: whether the first wins, and the basis."""
+    n = pairs.shape[0]
+    if n == 0:
+        return False, "no common repeat"
+    if np.all(_close(pairs[:, 0], pairs[:, 1])):
+        return False, "tie"
+    if n == 1:
+        return False, "1 repeat"
+    difference = pairs[:, 1] - pairs[:, 0]
+    if np.all(pairs == pairs[0]):
+        return bool(difference[0] > 0), f"{n} identical repeats"
+    if n < LEAST_PAIRS:
+        return False, f"{n} repeats"
+    if np.all(np.isposinf(difference)) or interval(difference)[0] > 0:
+        return True, f"paired, n = {n}"
+    return False, "within the spread"
+
+
+def _close(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return where two values are equal up to rounding; infinities of one sign are equal."""
+    with np.errstate(invalid="ignore"):
+        return (a == b) | (np.abs(a - b) <= ROUNDING * np.maximum(np.abs(a), np.abs(b)))
+
+
+def summarise(metrics: pd.DataFrame) -> pd.DataFrame:
+    """Return mean, sample standard deviation and number of repeats by condition, phase, metric, axis, controller.
+
+    The deviation is NaN for a single repeat or where a value is not finite.
+    """
+    grouped = metrics.groupby([*CELL, "unit", "controller"], sort=False)["value"]
+    with np.errstate(invalid="ignore"):
+        return grouped.agg(mean="mean", sd="std", repeats="count").reset_index()
+
+
+def verdicts(metrics: pd.DataFrame) -> dict[tuple[str, str, str, str], Verdict]:
+    """Return the verdict of every cell, by (condition, phase, metric, axis), in the table's order."""
+    found: dict[tuple[str, str, str, str], Verdict] = {}
+    for cell, rows in metrics.groupby(CELL, sort=False):
+        condition, phase, metric, axis = (str(part) for part in cell)
+        values = rows.pivot(index="repeat", columns="controller", values="value")
+        found[condition, phase, metric, axis] = verdict(values)
+    return found

@@ -1,0 +1,224 @@
+"""From a run directory to trials and their signals. One trial is read at a time; nothing is kept here."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import reduce
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hilrig import plugins
+from hilrig.errors import RunDirectoryError
+from hilrig.interfaces import Impedance, per_axis
+from hilrig.metrics._record import PhaseRecord
+from hilrig.recording.bag import read_bag
+from hilrig.signals import WRENCH_AXES, Array
+
+ALL_PHASES = "all"
+"""Name of the span over every phase."""
+
+Document = Mapping[str, Any]
+Channels = dict[str, dict[str, np.ndarray]]
+
+
+@dataclass(frozen=True)
+class TrialEntry:
+    """One planned trial: its document from plan.json and what the rig said of it."""
+
+    folder: Path
+    document: Document
+    outcome: Document
+    """outcome.json; a trial without one has the outcome "not run" """
+    timing: Document
+    """timing.json, or empty"""
+
+    @property
+    def id(self) -> str:
+        return self.document["id"]
+
+    @property
+    def controller(self) -> str:
+        return self.document["controller_name"]
+
+    @property
+    def condition(self) -> str:
+        return self.document["condition_name"]
+
+    @property
+    def repeat(self) -> int:
+        return self.document["repeat"]
+
+    @property
+    def completed(self) -> bool:
+        return self.outcome["outcome"] == "completed"
+
+
+@dataclass(frozen=True)
+class RunData:
+    """A run directory's documents; the bags stay on disk."""
+
+    path: Path
+    experiment: Document
+    manifest: Document
+    trials: tuple[TrialEntry, ...]
+    experiment_text: str
+
+    @property
+    def controllers(self) -> tuple[str, ...]:
+        """Names of the controllers, in the order of the plan."""
+        return tuple(dict.fromkeys(trial.controller for trial in self.trials))
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """Names of the conditions, in the order of the plan."""
+        return tuple(dict.fromkeys(trial.condition for trial in self.trials))
+
+
+@dataclass(frozen=True)
+class TrialSignals:
+    """The signals of one trial, on the ticks that all channels have: N ticks, m axes, n joints."""
+
+    record: PhaseRecord
+    """The whole trial"""
+    internals: dict[str, Array]
+    """What the control law published, by name, (N, k) each"""
+    source: str
+    """Where position, velocity and force come from: "truth" or "measurement" """
+
+
+def load_run(path: Path) -> RunData:
+    """Read a run's documents. Raises RunDirectoryError if `path` is not a run."""
+    plan = _read_json(path / "plan.json")
+    if plan is None or "trials" not in plan:
+        raise RunDirectoryError(f"{path} is not a run: it has no plan.json with trials")
+    text = path / "experiment.yaml"
+    return RunData(
+        path,
+        plan.get("experiment", {}),
+        _read_json(path / "manifest.json") or {},
+        tuple(_entry(path, document) for document in plan["trials"]),
+        text.read_text(encoding="utf-8", errors="replace") if text.exists() else "",
+    )
+
+
+def _entry(path: Path, document: Document) -> TrialEntry:
+    folder = path / "trials" / document["id"]
+    missing = {"outcome": "not run", "reason": "the run ended before this trial"}
+    return TrialEntry(
+        folder, document, _read_json(folder / "outcome.json") or missing, _read_json(folder / "timing.json") or {}
+    )
+
+
+def _read_json(path: Path) -> dict[str, Any] | None:
+    """Return the document, or None if there is no such file. Raises RunDirectoryError if it is not JSON."""
+    if not path.exists():
+        return None
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise RunDirectoryError(f"{path} is not JSON: {error}") from None
+
+
+def read_signals(trial: TrialEntry) -> TrialSignals | None:
+    """Read one trial's bag; None if it has none, or too few ticks to say anything (fewer than 2)."""
+    bag = trial.folder / "bag.mcap"
+    if not bag.exists():
+        return None
+    return align(read_bag(bag, ("state", "truth", "command", "internals", "driver_timing")), trial.document)
+
+
+def align(channels: Channels, document: Document) -> TrialSignals | None:
+    """Bring a bag's channels onto their common ticks and name them for the metrics; None for fewer than 2 ticks."""
+    needed = [name for name in ("state", "command", "internals", "truth") if name in channels]
+    if not {"state", "command", "internals"} <= set(needed):
+        return None
+    ticks = reduce(np.intersect1d, [channels[name]["tick"] for name in needed])
+    if ticks.size < 2:
+        return None
+    picked = {name: _pick(channels[name], ticks) for name in needed}
+    axes = task_axes(document)
+    source = picked.get("truth", picked["internals"])
+    wrench = picked.get("truth", picked["state"])["wrench"]
+    record = _record(picked, source, wrench, axes, document, _late(channels.get("driver_timing"), ticks))
+    return TrialSignals(record, _memory(picked["internals"]), "truth" if "truth" in picked else "measurement")
+
+
+def _pick(channel: dict[str, np.ndarray], ticks: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the channel at `ticks`, all of which it has."""
+    if channel["tick"].size == ticks.size:
+        return channel
+    rows = np.searchsorted(channel["tick"], ticks)
+    return {name: values[rows] for name, values in channel.items()}
+
+
+def _late(timing: dict[str, np.ndarray] | None, ticks: np.ndarray) -> Array:
+    """Return 1.0 where the driver's timing says that the tick was late, else 0.0, (N,)."""
+    late = np.zeros(ticks.size)
+    if timing is not None and "late" in timing:
+        late[np.isin(ticks, timing["tick"][timing["late"] != 0])] = 1.0
+    return late
+
+
+_STANDARD = frozenset(
+    "tick time position velocity force reference_position reference_velocity "
+    "reference_acceleration reference_force".split()
+)
+
+
+def _memory(internals: dict[str, np.ndarray]) -> dict[str, Array]:
+    """Return what is the law's own among the internals, as (N, k)."""
+    own = {name: values for name, values in internals.items() if name not in _STANDARD}
+    return {name: values.reshape(values.shape[0], -1) for name, values in own.items()}
+
+
+def _record(
+    picked: Channels,
+    source: dict[str, np.ndarray],
+    wrench: np.ndarray,
+    axes: tuple[str, ...],
+    document: Document,
+    late: Array,
+) -> PhaseRecord:
+    internals, time = picked["internals"], picked["state"]["time"]
+    velocity = source["velocity"]
+    impedance = impedance_of(document, axes)
+    desired = internals["reference_position"]
+    return PhaseRecord(
+        tick=picked["state"]["tick"],
+        time=time,
+        phases=len(document["phases"]),
+        period=document["period"],
+        axes=axes,
+        sigma=impedance.sigma,
+        inertia=impedance.inertia,
+        damping=impedance.damping,
+        stiffness=impedance.stiffness,
+        position=source["position"],
+        velocity=velocity,
+        acceleration=np.gradient(velocity, time, axis=0),
+        force=wrench[:, [WRENCH_AXES.index(axis) for axis in axes]],
+        reference_position=desired,
+        reference_velocity=internals["reference_velocity"],
+        reference_acceleration=internals["reference_acceleration"],
+        reference_force=internals["reference_force"],
+        reference_step=desired[0] - source["position"][0],
+        torque=picked["command"]["torque"],
+        late=late,
+    )
+
+
+def task_axes(document: Document) -> tuple[str, ...]:
+    """Return the names of the task axes: those of the robot's kind."""
+    return tuple(plugins.load("robots", document["driver"]["robot"]["kind"], None).axes)
+
+
+def impedance_of(document: Document, axes: tuple[str, ...]) -> Impedance:
+    """Return the desired dynamics of a trial's document."""
+    task = document["task"]
+    sigma = np.array([0.0 if axis in task["force_axes"] else 1.0 for axis in axes])
+    inertia, damping, stiffness = (per_axis(task[key], len(axes)) for key in ("inertia", "damping", "stiffness"))
+    return Impedance(sigma, inertia, damping, stiffness, task["states"] == "reference")

@@ -1,0 +1,104 @@
+"""Small multiples of what each control law published about itself."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+
+import matplotlib as mpl
+
+from hilrig import plugins
+from hilrig.errors import HilrigError
+from hilrig.report.curves import Curve, limits
+from hilrig.report.dataset import TrialEntry, TrialSignals
+from hilrig.report.figures import LEFT, Picture, canvas, draw
+from hilrig.report.style import COLOURS, RC, Style
+
+COLUMNS = 3
+NAMED = 6
+"""Up to so many components are named in a panel; more are drawn and counted"""
+
+_DOCUMENTED = re.compile(r"^(?P<meaning>.*?),?\s*\((?:[^()]*,)?[^()]*\)\s*(?P<unit>.*)$", re.DOTALL)
+
+
+def memory_documents(kind: str) -> dict[str, str]:
+    """Return what the source of a controller's kind says below each field of its class `Memory`, by field.
+
+    Empty where the kind cannot be loaded any more or has no such class.
+    """
+    try:
+        module = inspect.getmodule(plugins.load("controllers", kind, None))
+        tree = ast.parse(inspect.getsource(module)) if module else ast.parse("")
+    except (HilrigError, OSError, TypeError, SyntaxError):
+        return {}
+    bodies = [node.body for node in tree.body if isinstance(node, ast.ClassDef) and node.name == "Memory"]
+    pairs = [pair for body in bodies for pair in zip(body, body[1:], strict=False)]
+    return {
+        field.target.id: inspect.cleandoc(text.value.value)
+        for field, text in pairs
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+        and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant) and isinstance(text.value.value, str)
+    }  # fmt: skip
+
+
+def unit_of(document: str) -> str | None:
+    """Return the unit at the end of "meaning, (shape,) unit"; "" for a pure number, None if it is not stated."""
+    match = _DOCUMENTED.match(document)
+    return match["unit"].strip().rstrip(".") if match else None
+
+
+def internals_figure(trial: TrialEntry, signals: TrialSignals) -> Picture | None:
+    """Return one panel for every field of the law's memory; None if the law published nothing of its own."""
+    fields = signals.internals
+    if not fields:
+        return None
+    documents = memory_documents(trial.document["controller"]["kind"])
+    with mpl.rc_context(RC):
+        rows = -(-len(fields) // COLUMNS)
+        figure, grid = canvas(rows, COLUMNS, 1.25, 1.25)
+        figure.subplots_adjust(wspace=0.42)
+        grid.update(wspace=0.42)
+        notes: list[str] = []
+        for k, name in enumerate(fields):
+            axes = figure.add_subplot(grid[k // COLUMNS, k % COLUMNS])
+            notes += _memory_panel(axes, name, signals, documents.get(name, ""))
+    caption = f"Repeat {trial.repeat}. All {len(fields)} fields of the law's memory."
+    text = " ".join([caption, *(f"{note}." for note in notes)])
+    return Picture(f"internals_{trial.controller}", f"Internals of {trial.controller}", text, figure)
+
+
+def _memory_panel(axes: mpl.axes.Axes, name: str, signals: TrialSignals, document: str) -> tuple[str, ...]:
+    """Draw all components of one field."""
+    record, values = signals.record, signals.internals[name]
+    count = values.shape[1]
+    labels = record.axes if count == len(record.axes) else [str(i + 1) for i in range(count)]
+    curves = [
+        Curve(f"{name} {label}", record.time, values[:, i], Style(COLOURS[i % len(COLOURS)], "-"))
+        for i, label in enumerate(labels)
+    ]
+    for depth, curve in enumerate(curves):
+        draw(axes, curve, 3 + depth)
+    unit = unit_of(document)
+    bounds = limits(curves[:1] if count == 1 else curves, unit or "")
+    low, high = bounds.low, bounds.high
+    axes.set(xlim=(record.time[0], record.time[-1]), ylim=(low, high))
+    axes.set_ylabel(f"[{unit}]" if unit else "[–]" if unit == "" else "[SI, not stated]", labelpad=2)
+    axes.set_xlabel("time [s]", labelpad=1.5)
+    axes.set_title(name.replace("_", " "), loc="left", pad=3)
+    _name_components(axes, list(labels))
+    return bounds.notes
+
+
+def _name_components(axes: mpl.axes.Axes, labels: list[str]) -> None:
+    """Name the components in their colours at the panel's upper right, or count them where they are many."""
+    if len(labels) == 1:
+        return
+    shown = labels if len(labels) <= NAMED else [f"{len(labels)} components"]
+    for i, label in enumerate(reversed(shown)):
+        colour = COLOURS[len(shown) - 1 - i] if len(labels) <= NAMED else "#444444"
+        axes.annotate(label, (1.0, 1.0), xycoords="axes fraction", xytext=(-10 * i, 3), textcoords="offset points",
+                      ha="right", va="bottom", fontsize=7, color=colour, fontweight="bold")  # fmt: skip
+
+
+__all__ = ["LEFT", "internals_figure", "memory_documents", "unit_of"]

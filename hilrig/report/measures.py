@@ -1,0 +1,66 @@
+"""From signals to the tidy table of metrics: one row for each trial, phase, metric and axis."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from hilrig import plugins
+from hilrig.interfaces import Metric
+from hilrig.metrics._record import PhaseRecord
+from hilrig.report.dataset import ALL_PHASES, TrialEntry, TrialSignals
+
+COLUMNS = ("trial", "controller", "condition", "repeat", "phase", "metric", "axis", "value", "unit")
+
+_OVER_TIME = (
+    "tick", "time", "position", "velocity", "acceleration", "force", "reference_position", "reference_velocity",
+    "reference_acceleration", "reference_force", "torque", "late",
+)  # fmt: skip
+
+
+def all_metrics() -> dict[str, Metric]:
+    """Return every metric there is, by kind, with its default parameters."""
+    return {kind: plugins.load("metrics", kind, None)() for kind in plugins.kinds("metrics")}
+
+
+def spans(record: PhaseRecord, phases: list[Mapping[str, Any]]) -> Iterator[tuple[str, PhaseRecord]]:
+    """Yield each phase by name, then the whole trial under "all". A phase without recorded ticks is left out."""
+    for phase in phases:
+        first, last = (round(phase[edge] / record.period) for edge in ("start", "end"))
+        rows = np.flatnonzero((record.tick >= first) & (record.tick < last))
+        if rows.size:
+            yield phase["name"], _cut(record, int(rows[0]), int(rows[-1]) + 1)
+    yield ALL_PHASES, record
+
+
+def _cut(record: PhaseRecord, first: int, last: int) -> PhaseRecord:
+    """Return rows first to last - 1 as the record of one phase."""
+    changed: dict[str, Any] = {name: getattr(record, name)[first:last] for name in _OVER_TIME}
+    desired = record.reference_position
+    step = desired[first] - desired[first - 1] if first else record.reference_step
+    return dataclasses.replace(record, phases=1, reference_step=step, **changed)
+
+
+def measure(trial: TrialEntry, signals: TrialSignals, metrics: Mapping[str, Metric]) -> list[tuple[Any, ...]]:
+    """Return the rows of one trial, in the order of `COLUMNS`."""
+    head = (trial.id, trial.controller, trial.condition, trial.repeat)
+    return [
+        (*head, phase, kind, axis, value, metric.unit)
+        for phase, record in spans(signals.record, trial.document["phases"])
+        for kind, metric in metrics.items()
+        for axis, value in metric.measure(record).items()
+    ]
+
+
+def table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
+    """Return the tidy table of these rows."""
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def read_table(text: Any) -> pd.DataFrame:
+    """Read a metrics.csv (path or file); an empty axis or unit stays an empty string."""
+    return pd.read_csv(text, keep_default_na=False, na_values={"value": ["nan", "NaN", ""]})

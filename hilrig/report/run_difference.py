@@ -1,0 +1,88 @@
+"""The paired difference of two runs, metric by metric."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from hilrig.report.comparison import CELL, interval
+from hilrig.report.dataset import RunData, load_run, read_signals
+from hilrig.report.measures import all_metrics, measure, read_table, table
+
+KEY = ["controller", *CELL]
+
+
+def run_metrics(run: RunData) -> pd.DataFrame:
+    """Return the metrics of a run's completed trials: its metrics.csv, or measured now if it has none."""
+    stored = run.path / "metrics.csv"
+    if stored.exists():
+        return read_table(stored)
+    metrics, rows = all_metrics(), []
+    for trial in run.trials:
+        signals = read_signals(trial) if trial.completed else None
+        rows += measure(trial, signals, metrics) if signals else []
+    return table(rows)
+
+
+def compare(run_a: Path, run_b: Path) -> pd.DataFrame:
+    """Return the difference b - a of every metric that both runs have, over the repeats that both completed.
+
+    Columns: controller, condition, phase, metric, axis, unit, a, b, difference, relative, low, high, repeats. `low` and
+    `high` bound the mean difference (95 % t interval); they are infinite for fewer than two repeats, and where the
+    seeds of the runs differ, so that repeats are not pairs. `attrs["notes"]` lists what limits the comparison.
+    Raises RunDirectoryError if a directory is not a run.
+    """
+    a, b = load_run(run_a), load_run(run_b)
+    tables = [run_metrics(run) for run in (a, b)]
+    joined = tables[0].merge(
+        tables[1].drop(columns=["trial", "unit"]), on=[*KEY, "repeat"], how="outer", suffixes=("_a", "_b")
+    )
+    both = joined.dropna(subset=["value_a", "value_b"])
+    paired = a.manifest.get("seed") == b.manifest.get("seed")
+    rows = [_row(key, rows, paired) for key, rows in both.groupby(KEY, sort=False)]
+    columns = [*KEY, "unit", "a", "b", "difference", "relative", "low", "high", "repeats"]
+    result = pd.DataFrame(rows, columns=columns)
+    result.attrs["notes"] = _notes(a, b, len(joined) - len(both))
+    return result
+
+
+def _row(key: tuple[str, ...], rows: pd.DataFrame, paired: bool) -> tuple[object, ...]:
+    a, b = rows["value_a"].to_numpy(), rows["value_b"].to_numpy()
+    with np.errstate(invalid="ignore", divide="ignore"):
+        difference = float(np.mean(b - a))
+        relative = difference / abs(float(np.mean(a)))
+    low, high = interval(b - a) if paired else (-np.inf, np.inf)
+    return (*key, rows["unit"].iloc[0], np.mean(a), np.mean(b), difference, relative, low, high, len(rows))
+
+
+def _notes(a: RunData, b: RunData, unmatched: int) -> list[str]:
+    """Say what makes the two runs differ as experiments, or cannot be compared."""
+    notes = [
+        f"{what} differs: {a.manifest.get(what)} and {b.manifest.get(what)}"
+        for what in ("name", "seed", "commit", "clock")
+        if a.manifest.get(what) != b.manifest.get(what)
+    ]
+    if a.manifest.get("seed") != b.manifest.get("seed"):
+        notes.append("with different seeds repeats are not pairs: no interval is given")
+    if a.experiment.get("period") != b.experiment.get("period"):
+        notes.append("the periods differ: chattering cannot be compared")
+    if unmatched:
+        notes.append(f"{unmatched} values are in one run only, and left out")
+    return notes
+
+
+def render(differences: pd.DataFrame) -> str:
+    """Return the table of `compare` as text for a terminal: "*" where the interval excludes zero, then the notes."""
+    lines = [f"{'controller':14} {'condition':12} {'phase':10} {'metric':28} {'a':>11} {'b':>11} {'b - a':>11} {'':>8}"]
+    for row in differences.itertuples():
+        name = f"{row.metric} {row.axis} [{row.unit}]".replace("  ", " ") if row.unit else f"{row.metric} {row.axis}"
+        mark = "*" if row.low > 0 or row.high < 0 else ""
+        change = f"{row.relative:+.1%}" if np.isfinite(row.relative) else ""
+        lines.append(
+            f"{row.controller:14} {row.condition:12} {row.phase:10} {name:28} "
+            f"{row.a:11.4g} {row.b:11.4g} {row.difference:+11.3g} {change:>8} {mark}".rstrip()
+        )
+    lines.append("* the 95 % t interval of the paired difference excludes zero; lower is better in every metric")
+    return "\n".join([*lines, *(f"note: {note}" for note in differences.attrs["notes"])])

@@ -1,0 +1,1 @@
+"""The rig: the processes of a trial, the bus between them, and who watches over them."""

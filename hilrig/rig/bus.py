@@ -1,0 +1,120 @@
+"""The zenoh bus. The only file that imports zenoh.
+
+Discovery is off and every endpoint is explicit. A participant declares its subscriptions first and its liveliness token
+last; declarations keep their order on a link. So whoever sees a participant's token knows that its own messages reach it.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterable
+from types import TracebackType
+from typing import Any
+
+import zenoh
+
+from hilrig.errors import RigError
+
+DEPTH = 4096
+"""Messages an inbox holds before it holds up its sender (lockstep) or loses (real time)"""
+
+
+def _configuration(listen: Iterable[str], connect: Iterable[str]) -> zenoh.Config:
+    config = zenoh.Config()
+    settings = {
+        "mode": "peer",
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "listen/endpoints": list(listen),
+        "connect/endpoints": list(connect),
+        "connect/timeout_ms": 30_000,
+        "connect/exit_on_failure": True,
+        "connect/retry": {"period_init_ms": 20, "period_max_ms": 100, "period_increase_factor": 1},
+        # The low-latency link has no priorities; zenoh refuses to open with both.
+        "transport/unicast/lowlatency": True,
+        "transport/unicast/qos/enabled": False,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+class Inbox:
+    """Messages of one key, in order of arrival."""
+
+    def __init__(self, subscriber: Any) -> None:
+        self._subscriber = subscriber
+
+    def take(self) -> bytes:
+        """Return the next message, waiting for it."""
+        return self._subscriber.recv().payload.to_bytes()
+
+    def poll(self) -> bytes | None:
+        """Return the next message if there is one."""
+        sample = self._subscriber.try_recv()
+        return None if sample is None else sample.payload.to_bytes()
+
+
+class Outbox:
+    """Sends on one key."""
+
+    def __init__(self, publisher: Any) -> None:
+        self.put: Callable[[bytes], None] = publisher.put
+        """Send one message"""
+
+    def end(self) -> None:
+        """Say that this was all, by an empty message."""
+        self.put(b"")
+
+
+class Bus:
+    """One participant of one trial."""
+
+    def __init__(self, trial: str, role: str, listen: Iterable[str], connect: Iterable[str]) -> None:
+        self._root, self._role = f"hilrig/{trial}", role
+        try:
+            self._session = zenoh.open(_configuration(listen, connect))
+        except zenoh.ZError as error:
+            raise RigError(f"{role}: cannot join the bus ({error})") from error
+        self._token: Any = None
+
+    def outbox(self, channel: str, *, blocking: bool) -> Outbox:
+        """Return a sender. A blocking one waits for slow receivers; the other drops what they cannot take."""
+        control = zenoh.CongestionControl.BLOCK if blocking else zenoh.CongestionControl.DROP
+        key = f"{self._root}/{channel}"
+        return Outbox(self._session.declare_publisher(key, express=True, congestion_control=control))
+
+    def inbox(self, channel: str, *, latest_only: bool = False) -> Inbox:
+        """Return a receiver: of every message in order, or of the latest one alone."""
+        handler = zenoh.handlers.RingChannel(1) if latest_only else zenoh.handlers.FifoChannel(DEPTH)
+        return Inbox(self._session.declare_subscriber(f"{self._root}/{channel}", handler))
+
+    def announce(self) -> None:
+        """Declare that this participant is alive and has subscribed to all it wants."""
+        self._token = self._session.liveliness().declare_token(f"{self._root}/alive/{self._role}")
+
+    def alive(self) -> set[str]:
+        """Return the roles whose tokens are visible from here."""
+        replies = self._session.liveliness().get(f"{self._root}/alive/*", timeout=1.0)
+        return {str(reply.ok.key_expr).rsplit("/", 1)[1] for reply in replies if reply.ok is not None}
+
+    def wait_for(self, roles: Iterable[str], timeout: float) -> set[str]:
+        """Wait until all `roles` are visible, `timeout` seconds at most; return those that are missing."""
+        missing, deadline = set(roles), time.monotonic() + timeout
+        while missing := missing - self.alive():
+            if time.monotonic() > deadline:
+                return missing
+            time.sleep(0.005)
+        return missing
+
+    def close(self) -> None:
+        """Leave the bus."""
+        if not self._session.is_closed():
+            self._session.close()
+
+    def __enter__(self) -> Bus:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()

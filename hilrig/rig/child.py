@@ -1,0 +1,154 @@
+"""What the three processes of a trial have in common: how they start, speak to the supervisor, and end."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import json
+import os
+import shutil
+import signal
+import sys
+import traceback
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+from hilrig.errors import HilrigError
+from hilrig.loop import Stopped
+from hilrig.recording.run_directory import read_trial
+from hilrig.rig.bus import Bus
+from hilrig.rig.clock import pin
+from hilrig.trial import Trial
+
+PR_SET_PDEATHSIG = 1
+
+
+@dataclass(frozen=True)
+class Orders:
+    """What a child is told on its command line, as JSON."""
+
+    role: str
+    run: str
+    """The run directory"""
+    trial: str
+    """The trial's id"""
+    sockets: str
+    """Directory of the bus's sockets"""
+    listen: tuple[str, ...]
+    connect: tuple[str, ...]
+    cores: tuple[int, ...]
+    parent: int
+
+    def to_json(self) -> str:
+        """Return the orders as one argument."""
+        return json.dumps(asdict(self))
+
+
+class Child:
+    """A process of a trial: its orders, its trial and its place on the bus."""
+
+    def __init__(self, orders: Orders) -> None:
+        self.orders = orders
+        self.role = orders.role
+        self.run = Path(orders.run)
+        self.trial: Trial = read_trial(self.run, orders.trial)
+        self._bus: Bus | None = None
+
+    @property
+    def bus(self) -> Bus:
+        """The child's place on the bus, taken when it is first asked for.
+
+        By then kernels are compiled, on any core; the bus's threads keep to the cores that the process has when they start.
+        """
+        if self._bus is None:
+            pin(list(self.orders.cores))
+            self._bus = Bus(self.orders.trial, self.role, self.orders.listen, self.orders.connect)
+            self._status = self._bus.outbox("status", blocking=True)
+            self._orders = self._bus.inbox("order")
+        return self._bus
+
+    def leave(self) -> None:
+        """Leave the bus, if on it."""
+        if self._bus is not None:
+            self._bus.close()
+
+    def tell(self, event: str, **details: Any) -> None:
+        """Tell the supervisor."""
+        bus = self.bus
+        assert bus is not None
+        self._status.put(json.dumps({"role": self.role, "event": event, **details}).encode())
+
+    def ready(self, peers: tuple[str, ...], **details: Any) -> dict[str, Any]:
+        """Join the others and wait for the order to go; return what the order carries."""
+        self.bus.announce()
+        missing = self.bus.wait_for((*peers, "supervisor"), timeout=120.0)
+        if missing:
+            raise HilrigError(f"{self.role}: waited 120 s for {', '.join(sorted(missing))}")
+        self.tell("ready", **details)
+        while True:
+            order = json.loads(self._orders.take())
+            if order["order"] == "go":
+                freeze()
+                return order
+            raise Stopped("told to stop before the start")
+
+    def told_to_stop(self) -> bool:
+        """Whether the supervisor wants the trial to end."""
+        payload = self._orders.poll()
+        return payload is not None and json.loads(payload)["order"] == "stop"
+
+
+def freeze() -> None:
+    """Keep the garbage collector out of the loop."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+
+
+def die_with_parent(parent: int) -> None:
+    """Have the kernel send SIGTERM when the supervisor is gone, however it went."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != parent:
+        sys.exit("the supervisor was gone before this process began")
+
+
+def _stop(_signal: int, _frame: Any) -> NoReturn:
+    raise Stopped("terminated")
+
+
+def main(work: Callable[[Child], None]) -> None:
+    """Run one role from the command line. Exit code 0: it ended as it should, whatever the trial's outcome."""
+    orders = Orders(**json.loads(sys.argv[1]))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _stop)
+    die_with_parent(orders.parent)
+    code = 0
+    child: Child | None = None
+    try:
+        child = Child(orders)
+        work(child)
+    except Stopped as stop:
+        print(f"stopped: {stop}", flush=True)
+    except Exception as error:
+        traceback.print_exc()
+        code = 1
+        if child is not None:
+            child.tell("failed", reason=describe(error))
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        if child is not None:
+            child.leave()
+        if os.getppid() != orders.parent:
+            shutil.rmtree(orders.sockets, ignore_errors=True)
+    sys.exit(code)
+
+
+def describe(error: BaseException) -> str:
+    """Return one line: what was raised, and where."""
+    if isinstance(error, HilrigError):
+        return str(error)
+    frames = traceback.extract_tb(error.__traceback__)
+    where = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+    return f"{type(error).__name__}: {error}{where}"

@@ -1,0 +1,55 @@
+"""Pacing by CLOCK_MONOTONIC."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import time
+
+TIMER_ABSTIME = 1
+NANOSECONDS = 1_000_000_000
+SPIN = 100_000
+"""ns: the last part of every wait is spent awake, because the kernel wakes a sleeper some microseconds late"""
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = (("seconds", ctypes.c_long), ("nanoseconds", ctypes.c_long))
+
+
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+def sleep_until(moment: int) -> None:
+    """Sleep until `moment`, CLOCK_MONOTONIC in ns; return at once if it is past. Interrupted by signals, it sleeps on."""
+    spec = _Timespec(moment // NANOSECONDS, moment % NANOSECONDS)
+    while _libc.clock_nanosleep(time.CLOCK_MONOTONIC, TIMER_ABSTIME, ctypes.byref(spec), None) != 0:
+        if time.monotonic_ns() >= moment:
+            return
+
+
+class Pacer:
+    """Says when each tick may begin: at once in lockstep, at its due time in real time."""
+
+    def __init__(self, period: float, realtime: bool) -> None:
+        self._period = round(period * NANOSECONDS)
+        self._realtime = realtime
+        self._start = 0
+
+    def wait(self, tick: int) -> int:
+        """Wait for the tick; return when it was due (ns). In lockstep it is due when asked for."""
+        if tick == 0:
+            self._start = time.monotonic_ns() + (self._period if self._realtime else 0)
+        if not self._realtime:
+            return time.monotonic_ns()
+        due = self._start + tick * self._period
+        sleep_until(due - SPIN)
+        while time.monotonic_ns() < due:
+            pass
+        return due
+
+
+def pin(cores: list[int]) -> None:
+    """Keep this process on `cores`, as far as this machine has them."""
+    allowed = set(cores) & os.sched_getaffinity(0)
+    if allowed:
+        os.sched_setaffinity(0, allowed)

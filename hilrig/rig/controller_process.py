@@ -1,0 +1,47 @@
+"""The controller's process: woken by a measurement, it answers with a command."""
+
+from __future__ import annotations
+
+import time
+
+from hilrig.loop import ControlSide, warm_up
+from hilrig.rig.channels import CONTROLLER, PARCEL, Codecs, Record, Stamps
+from hilrig.rig.child import Child, main
+from hilrig.safety import Tripped
+
+
+def work(child: Child) -> None:
+    """Answer every measurement until the driver says that it was the last."""
+    trial = child.trial
+    realtime = trial.clock == "realtime"
+    memory = warm_up(trial)
+    codecs, side, stamps = Codecs(trial, memory), ControlSide(trial), Stamps("ControllerTiming", 4)
+    states = child.bus.inbox("state", latest_only=realtime)
+    commands = child.bus.outbox("command", blocking=not realtime)
+    record = Record(child.bus.outbox("record", blocking=True), CONTROLLER)
+    child.ready(("driver", "logger"), memory=memory)
+    try:
+        while payload := states.take():
+            received = time.monotonic_ns()
+            tick, measurement = codecs.read_state(payload)
+            answer = side.control(tick, measurement)
+            computed = time.monotonic_ns()
+            command = codecs.command(tick, answer)
+            commands.put(command)
+            published = time.monotonic_ns()
+            record.add("command", command)
+            record.add("internals", codecs.internals(tick, answer))
+            record.add("controller_timing", stamps.note(tick, tick, received, computed, published))
+            if tick % PARCEL == PARCEL - 1:
+                record.ship()
+    except Tripped as trip:
+        child.tell("tripped", reason=str(trip))
+    finally:
+        commands.end()
+        record.add("controller_timing", stamps.flush())
+        record.end()
+    child.tell("done")
+
+
+if __name__ == "__main__":
+    main(work)

@@ -1,0 +1,130 @@
+"""Runs the trials of a plan, one after the other or several at once, and keeps the run directory up to date."""
+
+from __future__ import annotations
+
+import queue
+import shlex
+import threading
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+from hilrig.experiment import Experiment
+from hilrig.recording.manifest import provenance
+from hilrig.recording.run_directory import create_run, trial_directory, write_json
+from hilrig.rig.in_process import run_in_process
+from hilrig.rig.outcome import Outcome
+from hilrig.rig.supervisor import run_on_bus
+from hilrig.trial import Trial
+
+
+class Listener(Protocol):
+    """Who is told how the trials go on. Called from several threads when there are several jobs."""
+
+    def started(self, trial: Trial) -> None:
+        """A trial's processes are being started."""
+        ...
+
+    def progressed(self, trial: Trial, tick: int) -> None:
+        """A trial has come to `tick`."""
+        ...
+
+    def ended(self, trial: Trial, outcome: Outcome) -> None:
+        """A trial has ended."""
+        ...
+
+
+@dataclass(frozen=True)
+class Options:
+    """How an experiment is to be run."""
+
+    out: Path
+    command: Sequence[str]
+    overrides: Sequence[str] = ()
+    in_process: bool = False
+    jobs: int = 1
+    fail_fast: bool = False
+    stop: threading.Event = field(default_factory=threading.Event)
+
+
+def execute(
+    experiment: Experiment, trials: Sequence[Trial], source: Path, options: Options, listener: Listener
+) -> tuple[Path, list[Outcome]]:
+    """Run all trials of the experiment in file `source`.
+
+    Returns the run directory and the outcomes of the trials that were begun, in the plan's order.
+    """
+    plan = {"experiment": experiment.to_document(), "trials": [trial.to_document() for trial in trials]}
+    run = create_run(options.out, experiment.name, source.read_bytes(), plan)
+    manifest = _manifest(experiment, source, options)
+    write_json(run / "manifest.json", manifest)
+    began = time.monotonic()
+    outcomes = _Work(run, options, listener).through(trials)
+    finished = datetime.now(UTC).isoformat(timespec="seconds")
+    write_json(run / "manifest.json", {**manifest, "finished": finished, "wall_s": round(time.monotonic() - began, 3)})
+    return run, outcomes
+
+
+def _manifest(experiment: Experiment, source: Path, options: Options) -> dict[str, Any]:
+    return {
+        "name": experiment.name,
+        "question": experiment.question,
+        "command": shlex.join(options.command),
+        "overrides": list(options.overrides),
+        "seed": experiment.seed,
+        "clock": experiment.clock,
+        "transport": "in-process" if options.in_process else "zenoh",
+        "jobs": options.jobs,
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "finished": None,
+        "wall_s": None,
+        **provenance(source.resolve()),
+    }
+
+
+class _Work:
+    """The trials being run: `jobs` at a time, each on cores of its own."""
+
+    def __init__(self, run: Path, options: Options, listener: Listener) -> None:
+        self._run, self._options, self._listener = run, options, listener
+        self._failed = threading.Event()
+        self._slots: queue.SimpleQueue[int] = queue.SimpleQueue()
+        for slot in range(options.jobs):
+            self._slots.put(slot)
+
+    def through(self, trials: Sequence[Trial]) -> list[Outcome]:
+        """Run the trials; return the outcomes of those that were begun."""
+        if self._options.jobs == 1:
+            results = map(self._one, trials)
+            return [outcome for outcome in results if outcome is not None]
+        with ThreadPoolExecutor(self._options.jobs) as pool:
+            return [outcome for outcome in pool.map(self._one, trials) if outcome is not None]
+
+    def _stopped(self) -> bool:
+        return self._options.stop.is_set() or (self._options.fail_fast and self._failed.is_set())
+
+    def _one(self, trial: Trial) -> Outcome | None:
+        if self._stopped():
+            return None
+        slot = self._slots.get()
+        try:
+            self._listener.started(trial)
+            outcome = self._run_trial(trial, slot)
+        finally:
+            self._slots.put(slot)
+        write_json(trial_directory(self._run, trial.id) / "outcome.json", outcome.document())
+        if not outcome.completed:
+            self._failed.set()
+        self._listener.ended(trial, outcome)
+        return outcome
+
+    def _run_trial(self, trial: Trial, slot: int) -> Outcome:
+        report = partial(self._listener.progressed, trial)
+        if self._options.in_process:
+            return run_in_process(self._run, trial, report, self._stopped)
+        return run_on_bus(self._run, trial, report, self._stopped, slot)

@@ -1,0 +1,99 @@
+"""A trial without the bus: both halves and the recorder in one process. The same ticks, the same bits."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from hilrig.loop import ControlSide, PlantSide, Stopped, drive, warm_up
+from hilrig.recording.recorder import Recorder
+from hilrig.recording.run_directory import trial_directory, write_json
+from hilrig.recording.timing import summarise
+from hilrig.rig.channels import Codecs, Stamps, channels
+from hilrig.rig.clock import Pacer
+from hilrig.rig.outcome import Outcome
+from hilrig.safety import Tripped
+from hilrig.signals import Command, Measurement, Truth
+from hilrig.trial import Trial
+
+
+class DirectWire:
+    """Hands the measurement to the controller by a call."""
+
+    def __init__(self, trial: Trial, control: ControlSide, recorder: Recorder, codecs: Codecs, stop: Callable[[], bool]) -> None:
+        self._control, self._recorder, self._codecs, self._stop = control, recorder, codecs, stop
+        self._pacer = Pacer(trial.period, trial.clock == "realtime")
+        self._commands: dict[int, Command] = {}
+        self._driver_stamps, self._controller_stamps = Stamps("DriverTiming", 5), Stamps("ControllerTiming", 4)
+        self._moments = (0, 0)
+        self.sent: dict[str, int] = dict.fromkeys(recorder.summary(), 0)
+
+    def wait(self, tick: int) -> None:
+        """Wait for the tick's due time. Raises Stopped when told to."""
+        self._moments = (self._pacer.wait(tick), time.monotonic_ns())
+        if tick % 64 == 0 and self._stop():
+            raise Stopped("interrupted")
+
+    def publish(self, tick: int, measurement: Measurement, truth: Truth | None) -> None:
+        """Let the controller answer, and record."""
+        received = time.monotonic_ns()
+        self._store("state", self._codecs.state(tick, measurement))
+        if truth is not None:
+            self._store("truth", self._codecs.truth(tick, truth))
+        answer = self._control.control(tick, measurement)
+        computed = time.monotonic_ns()
+        self._store("command", self._codecs.command(tick, answer))
+        self._store("internals", self._codecs.internals(tick, answer))
+        self._commands[tick] = answer.command
+        batch = self._controller_stamps.note(tick, tick, received, computed, time.monotonic_ns())
+        self._store("controller_timing", batch)
+        self._moments = (*self._moments[:2], received)
+
+    def command(self, tick: int, wanted: int) -> Command | None:
+        """Return the command of tick `wanted`: in one process it is never late."""
+        batch = self._driver_stamps.note(tick, *self._moments, time.monotonic_ns(), 0)
+        self._store("driver_timing", batch)
+        return self._commands.pop(wanted, None)
+
+    def end(self) -> None:
+        """Record what is left."""
+        self._store("driver_timing", self._driver_stamps.flush())
+        self._store("controller_timing", self._controller_stamps.flush())
+        for name, count in self.sent.items():
+            self._recorder.sent(name, count)
+
+    def _store(self, name: str, payload: bytes | None) -> None:
+        if payload is not None:
+            self._recorder.store(name, payload)
+            self.sent[name] += 1
+
+
+def run_in_process(
+    run: Path, trial: Trial, report: Callable[[int], None] = lambda tick: None, stop: Callable[[], bool] = lambda: False
+) -> Outcome:
+    """Run one trial in this process and return its outcome; `report` hears of progress, `stop` is asked now and then."""
+    directory = trial_directory(run, trial.id)
+    memory = warm_up(trial)
+    codecs, plant, control = Codecs(trial, memory), PlantSide(trial), ControlSide(trial)
+    outcome, reason, done = "completed", "", 0
+    began = time.monotonic()
+    with Recorder(directory, trial.period, channels(memory)) as recorder:
+        wire = DirectWire(trial, control, recorder, codecs, stop)
+        try:
+            for ticks in drive(plant, wire):
+                done = ticks
+                if ticks % 512 == 0:
+                    report(ticks)
+        except Tripped as trip:
+            outcome, reason = "tripped", str(trip)
+        except Stopped as stopped:
+            outcome, reason = "aborted", str(stopped)
+        finally:
+            plant.close()
+            wire.end()
+        summary: dict[str, Any] = recorder.summary()
+        write_json(directory / "timing.json", summarise(trial.clock, recorder.timing))
+    wall = time.monotonic() - began
+    return Outcome.of(trial, outcome, reason, done, wall, summary)

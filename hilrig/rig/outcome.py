@@ -1,0 +1,56 @@
+"""How a trial ended, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from hilrig.trial import Trial
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The end of one trial."""
+
+    trial: str
+    outcome: str
+    """completed, tripped, aborted, timed_out or failed"""
+    reason: str
+    ticks: int
+    planned_ticks: int
+    wall_s: float
+    speed: float
+    """Simulated time over wall time, start-up left out"""
+    channels: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, trial: Trial, outcome: str, reason: str, ticks: int, wall: float, channels: Mapping[str, Mapping[str, Any]]
+    ) -> Outcome:
+        """Return the outcome; a trial that ran to its end with messages unaccounted for is not completed."""
+        if outcome == "completed" and (trouble := unexplained(channels)):
+            outcome, reason = "failed", trouble
+        speed = ticks * trial.period / wall if wall > 0 else 0.0
+        return cls(trial.id, outcome, reason, ticks, trial.ticks, round(wall, 3), round(speed, 3), dict(channels))
+
+    @property
+    def completed(self) -> bool:
+        """Whether the trial ran to its end with a whole record."""
+        return self.outcome == "completed"
+
+    def document(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return asdict(self)
+
+
+def unexplained(channels: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return what is missing from the record, in words; empty if every message that was sent was stored."""
+    if not channels:
+        return "the logger left no account of what it stored"
+    missing = [
+        f"{name}: {account['stored']} stored, {account['sent'] if account['sent'] is not None else 'nobody knows how many'} sent"
+        for name, account in channels.items()
+        if account["lost"] != 0
+    ]
+    return "messages are missing: " + "; ".join(missing) if missing else ""

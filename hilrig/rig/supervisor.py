@@ -1,0 +1,269 @@
+"""Starts the processes of one trial, watches over them, and sees that none is left."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from hilrig.errors import RigError
+from hilrig.recording.run_directory import trial_directory
+from hilrig.rig.bus import Bus
+from hilrig.rig.child import Orders
+from hilrig.rig.outcome import Outcome
+from hilrig.trial import Trial
+
+ROLES = ("driver", "controller", "logger")
+READY_TIMEOUT = 180.0
+"""s: the first trial on a machine compiles its kernels"""
+SILENCE_TIMEOUT = 15.0
+"""s without progress after which a trial has hung"""
+GRACE = 5.0
+"""s that a process is given to end by itself"""
+STEP = 0.005
+"""s between two looks at the children"""
+QUIET = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+"""Environment of the children: a 1 ms process wants no thread pool beside it"""
+
+
+def run_on_bus(
+    run: Path,
+    trial: Trial,
+    report: Callable[[int], None] = lambda tick: None,
+    stop: Callable[[], bool] = lambda: False,
+    slot: int = 0,
+) -> Outcome:
+    """Run one trial in three fresh processes over the bus; `slot` says which cores they are given."""
+    with Rig(run, trial, slot) as rig:
+        return Watch(rig, report, stop).until_the_end()
+
+
+class Rig:
+    """The three processes of one trial and the supervisor's place on their bus."""
+
+    def __init__(self, run: Path, trial: Trial, slot: int) -> None:
+        self.run, self.trial = run, trial
+        self.directory = trial_directory(run, trial.id)
+        self._cores = cores_for(slot)
+        self.children: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> Rig:
+        self._sockets = tempfile.mkdtemp(prefix="hilrig-")
+        try:
+            self.bus = Bus(self.trial.id, "supervisor", [self._endpoint("supervisor")], [])
+            self._orders = self.bus.outbox("order", blocking=True)
+            self.statuses = self.bus.inbox("status")
+            self.bus.announce()
+            for role, listens, connects in (
+                ("driver", ["driver"], ["supervisor"]),
+                ("controller", ["controller"], ["supervisor", "driver"]),
+                ("logger", [], ["supervisor", "driver", "controller"]),
+            ):
+                self.children[role] = self._start(role, listens, connects)
+        except BaseException:
+            self._clean_up()
+            raise
+        return self
+
+    def _endpoint(self, name: str) -> str:
+        return f"unixsock-stream/{self._sockets}/{name[0]}.sock"
+
+    def _start(self, role: str, listens: list[str], connects: list[str]) -> subprocess.Popen[bytes]:
+        orders = Orders(
+            role, str(self.run.resolve()), self.trial.id, self._sockets,
+            tuple(map(self._endpoint, listens)), tuple(map(self._endpoint, connects)),
+            self._cores[role], os.getpid(),
+        )  # fmt: skip
+        # -P: a folder of the working directory must not shadow a package. Its own session: Ctrl-C is the supervisor's.
+        command = [sys.executable, "-P", "-m", f"hilrig.rig.{role}_process", orders.to_json()]
+        with (self.directory / "logs" / f"{role}.log").open("wb") as log:
+            return subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
+                env={**os.environ, **QUIET},
+            )  # fmt: skip
+
+    def order(self, order: str, **details: Any) -> None:
+        """Tell all children."""
+        self._orders.put(json.dumps({"order": order, **details}).encode())
+
+    def terminate(self, *roles: str) -> None:
+        """Ask these processes to end now."""
+        for role in roles:
+            if self.children[role].poll() is None:
+                self.children[role].send_signal(signal.SIGTERM)
+
+    def wait(self, role: str, timeout: float) -> bool:
+        """Wait for a process to end; return whether it did."""
+        try:
+            self.children[role].wait(timeout)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._clean_up()
+
+    def _clean_up(self) -> None:
+        for process in self.children.values():
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+        if hasattr(self, "bus"):
+            self.bus.close()
+        shutil.rmtree(self._sockets, ignore_errors=True)
+
+
+class Watch:
+    """Follows one trial from the start of its processes to its outcome."""
+
+    def __init__(self, rig: Rig, report: Callable[[int], None], stop: Callable[[], bool]) -> None:
+        self._rig, self._report, self._stop = rig, report, stop
+        self._ready: dict[str, dict[str, Any]] = {}
+        self._done: dict[str, dict[str, Any]] = {}
+        self._verdict: tuple[str, str] | None = None
+        self._ticks = 0
+        self._heard = time.monotonic()
+        self._look_for_tokens = 0.0
+
+    def until_the_end(self) -> Outcome:
+        """Return the outcome of the trial."""
+        began = time.monotonic()
+        if self._all_ready():
+            began = self._heard = time.monotonic()
+            self._rig.order("go", memory=self._ready["controller"]["memory"])
+            self._follow()
+        wall = time.monotonic() - began
+        channels = self._bring_down()
+        outcome, reason = self._verdict or ("completed", "")
+        return Outcome.of(self._rig.trial, outcome, reason, self._ticks, wall, channels)
+
+    def _all_ready(self) -> bool:
+        deadline = time.monotonic() + READY_TIMEOUT
+        while len(self._ready) < len(ROLES):
+            self._look()
+            if self._verdict:
+                return False
+            if time.monotonic() > deadline:
+                missing = ", ".join(role for role in ROLES if role not in self._ready)
+                self._conclude("timed_out", f"not ready after {READY_TIMEOUT:g} s: {missing}")
+                return False
+        return True
+
+    def _follow(self) -> None:
+        while "driver" not in self._done and not self._verdict:
+            self._look()
+            if time.monotonic() - self._heard > SILENCE_TIMEOUT:
+                self._conclude("timed_out", f"no progress for {SILENCE_TIMEOUT:g} s after tick {self._ticks}")
+            self._check_tokens()
+
+    def _look(self) -> None:
+        """Take in what the children said, and whether they live."""
+        while (item := self._rig.statuses.poll()) is not None:
+            self._take(json.loads(item))
+        for role, process in self._rig.children.items():
+            if process.poll() is not None and role not in self._done:
+                self._lost(role, process.returncode)
+        if self._stop():
+            self._conclude("aborted", "interrupted")
+        time.sleep(STEP)
+
+    def _take(self, status: dict[str, Any]) -> None:
+        role, event = status["role"], status["event"]
+        self._heard = time.monotonic()
+        if event == "ready":
+            self._ready[role] = status
+        elif event == "progress":
+            self._ticks = status["tick"]
+            self._report(self._ticks)
+        elif event == "done":
+            self._done[role] = status
+            if role == "driver":
+                self._ticks = status["ticks"]
+                # A driver that stopped because its controller ended is not the cause: the controller's word comes too.
+                if status["outcome"] == "tripped":
+                    self._conclude("tripped", status["reason"])
+        else:
+            self._conclude("tripped" if event == "tripped" else "failed", f"{role}: {status['reason']}")
+
+    def _lost(self, role: str, code: int) -> None:
+        """A process ended without a word; what it said last may still be on its way."""
+        self._done[role] = {}
+        if not self._verdict:
+            log = self._rig.directory / "logs" / f"{role}.log"
+            how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
+            last = _last_line(log)
+            self._conclude("failed", f"the {role} process {how}{': ' + last if last else ''} (see {log})")
+
+    def _check_tokens(self) -> None:
+        """Across hosts no exit code tells that a process is gone; its liveliness token does."""
+        now = time.monotonic()
+        if now < self._look_for_tokens or self._verdict:
+            return
+        self._look_for_tokens = now + 1.0
+        gone = [role for role in ROLES if role not in self._rig.bus.alive() and role not in self._done]
+        if gone and all(self._rig.children[role].poll() is None for role in gone):
+            self._look()
+            if not self._verdict and not any(role in self._done for role in gone):
+                self._conclude("failed", f"{', '.join(gone)} vanished from the bus")
+
+    def _conclude(self, outcome: str, reason: str) -> None:
+        """The first verdict stands: what comes after it is its consequence."""
+        if self._verdict is None:
+            self._verdict = (outcome, reason)
+
+    def _bring_down(self) -> dict[str, Any]:
+        """End the children in order, the logger last, and return the logger's account."""
+        rig = self._rig
+        if self._verdict:
+            rig.order("stop")
+        for role in ("driver", "controller"):
+            if not self._ended(role, GRACE):
+                rig.terminate(role)
+                if not self._ended(role, GRACE):
+                    rig.children[role].kill()
+        if not self._ended("logger", GRACE if self._verdict else 60.0):
+            rig.terminate("logger")
+            self._ended("logger", 60.0)
+        self._look()
+        if not self._verdict and self._done.get("driver", {}).get("outcome") != "completed":
+            self._conclude("failed", self._done.get("driver", {}).get("reason") or "the driver did not finish")
+        return self._done.get("logger", {}).get("channels", {})
+
+    def _ended(self, role: str, timeout: float) -> bool:
+        """Wait for a process, listening meanwhile."""
+        deadline = time.monotonic() + timeout
+        while self._rig.children[role].poll() is None:
+            if time.monotonic() > deadline:
+                return False
+            while (item := self._rig.statuses.poll()) is not None:
+                self._take(json.loads(item))
+            time.sleep(STEP)
+        while (item := self._rig.statuses.poll()) is not None:
+            self._take(json.loads(item))
+        return True
+
+
+def cores_for(slot: int) -> dict[str, tuple[int, ...]]:
+    """Return the cores of each role: driver and controller share one (their hand-over is fastest), the logger has another.
+
+    Raises RigError where the system tells no cores.
+    """
+    cores = sorted(os.sched_getaffinity(0))
+    if not cores:
+        raise RigError("this process may run on no core")
+    own, other = cores[slot % len(cores)], cores[(slot + 1) % len(cores)]
+    return {"driver": (own,), "controller": (own,), "logger": (other,)}
+
+
+def _last_line(log: Path) -> str:
+    lines = [line for line in log.read_text(errors="replace").splitlines() if line.strip()]
+    return lines[-1].strip() if lines else ""

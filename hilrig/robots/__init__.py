@@ -1,0 +1,1 @@
+"""Robots: geometry and nominal dynamics, one kind a file."""
