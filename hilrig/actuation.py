@@ -14,7 +14,7 @@ from hilrig.signals import Array
 class Actuation:
     """mode = torque:  tau = the commanded torque.   mode = position_servo:  tau = K_s (q_ref - q) - D_s q' [+ G(q)]
 
-    with q_ref(k) = tau_c(k-1)/k_ref + q(k-1), eq. (26): the loop's torque gain is K_s/k_ref, and K_s = k_ref is faithful.
+    with q_ref(k) = tau_c(k-1)/k_ref + q(k-1), eq. (26). The loop's torque gain is K_s/k_ref: one if K_s = k_ref.
     """
 
     mode: Literal["torque", "position_servo"] = "torque"
@@ -58,4 +58,3 @@ def motor_torque(servo: Servo, torque: Array, reference: Array, q: Array, rate: 
         return torque
     given = servo.stiffness * (reference - q) - servo.damping * rate
     return given + gravity if servo.gravity_compensation else given
-

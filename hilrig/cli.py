@@ -30,11 +30,19 @@ app = typer.Typer(
     "Start here:  hilrig run experiments/quickstart.yaml",
 )
 
-ExperimentFile = Annotated[Path, typer.Argument(metavar="EXPERIMENT", help="The experiment's YAML file.", show_default=False)]
-RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="A run directory, or its name below runs/.", show_default=False)]
+ExperimentFile = Annotated[
+    Path, typer.Argument(metavar="EXPERIMENT", help="The experiment's YAML file.", show_default=False)
+]
+RunArgument = Annotated[
+    Path, typer.Argument(metavar="RUN", help="A run directory, or its name below runs/.", show_default=False)
+]
 Overrides = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change a value, e.g. --set controllers.pd.damping='80 N*s/m'. May be repeated."),
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a value, e.g. --set controllers.pd.damping='80 N*s/m'. May be repeated.",
+    ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
 
@@ -47,7 +55,9 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
     """Options that every verb has."""
@@ -60,7 +70,9 @@ def check(experiment: ExperimentFile, override: Overrides = None) -> None:
     duration = sum(trial.ticks * trial.period for trial in trials)
     names = ", ".join(loaded.controllers)
     typer.echo(f"{experiment}: ready to run")
-    typer.echo(f"  {len(trials)} trials ({names}), {duration:g} s in all, period {loaded.period * 1e3:g} ms, {loaded.clock}")
+    typer.echo(
+        f"  {len(trials)} trials ({names}), {duration:g} s in all, period {loaded.period * 1e3:g} ms, {loaded.clock}"
+    )
 
 
 @app.command()
@@ -73,10 +85,24 @@ def plan(experiment: ExperimentFile, override: Overrides = None, as_json: AsJson
     from hilrig.terminal import print_table
 
     rows = [
-        [trial.id, trial.controller_name, trial.condition_name, str(trial.repeat), f"{trial.ticks * trial.period:g}", str(trial.seed)]
+        [
+            trial.id,
+            trial.controller_name,
+            trial.condition_name,
+            str(trial.repeat),
+            f"{trial.ticks * trial.period:g}",
+            str(trial.seed),
+        ]
         for trial in trials
     ]
-    columns = {"trial": "", "controller": "", "condition": "", "repeat": "right", "duration [s]": "right", "seed": ""}
+    columns = {
+        "trial": "",
+        "controller": "",
+        "condition": "",
+        "repeat": "right",
+        "duration [s]": "right",
+        "seed": "",
+    }
     print_table("", columns, rows)
 
 
@@ -84,18 +110,25 @@ def plan(experiment: ExperimentFile, override: Overrides = None, as_json: AsJson
 def run(
     experiment: ExperimentFile,
     out: Annotated[Path, typer.Option(help="Where run directories are made.")] = RUNS,
-    clock: Annotated[str | None, typer.Option(help="lockstep or realtime, instead of what the experiment says.")] = None,
-    in_process: Annotated[bool, typer.Option("--in-process", help="Without the bus: all in this process, the same bits.")] = False,
+    clock: Annotated[
+        str | None, typer.Option(help="lockstep or realtime, instead of what the experiment says.")
+    ] = None,
+    in_process: Annotated[
+        bool, typer.Option("--in-process", help="Without the bus: all in this process, the same bits.")
+    ] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Trials at a time.")] = 1,
     repeats: Annotated[int | None, typer.Option(min=1, help="Repeats, instead of what the experiment says.")] = None,
     override: Overrides = None,
-    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Begin no further trial after one that did not complete.")] = False,
+    fail_fast: Annotated[
+        bool, typer.Option("--fail-fast", help="Begin no further trial after one that did not complete.")
+    ] = False,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Make the report at the end.")] = True,
 ) -> None:
     """Run all trials of an experiment and make the report.
 
-    Ctrl-C ends the trial in flight cleanly. Exit code: 0 all trials completed, 1 one did not, 2 the experiment or the call
-    is wrong, 130 interrupted.
+    Ctrl-C ends the trial in flight cleanly.
+
+    Exit code: 0 all trials completed, 1 one did not, 2 the experiment or the call is wrong, 130 interrupted.
     """
     overrides = [*(override or [])]
     overrides += [f"clock={clock}"] if clock else []
@@ -141,7 +174,9 @@ def _interruptible() -> threading.Event:
 @app.command("report")
 def report_command(
     run: RunArgument,
-    out: Annotated[Path | None, typer.Option(help="Directory for the report; default reports/<run>.", show_default=False)] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Directory for the report; default reports/<run>.", show_default=False)
+    ] = None,
 ) -> None:
     """Make the report of a run again, from its directory alone."""
     from hilrig.report import make_report
@@ -200,10 +235,24 @@ def show(run: RunArgument, as_json: AsJson = False) -> None:
 
     typer.echo(f"{path}\n  {manifest['question']}\n  {manifest['command']}\n  commit {manifest['commit'] or 'unknown'}")
     rows = [
-        [item["trial"], item["outcome"], str(item["ticks"]), f"{item.get('speed', 0):.2f}", _lost(item), item["reason"]]
+        [
+            item["trial"],
+            item["outcome"],
+            str(item["ticks"]),
+            f"{item.get('speed', 0):.2f}",
+            _lost(item),
+            item["reason"],
+        ]
         for item in outcomes
     ]
-    columns = {"trial": "", "outcome": "", "ticks": "right", "x real time": "right", "lost": "right", "reason": ""}
+    columns = {
+        "trial": "",
+        "outcome": "",
+        "ticks": "right",
+        "x real time": "right",
+        "lost": "right",
+        "reason": "",
+    }
     print_table("", columns, rows)
 
 
@@ -246,7 +295,15 @@ def _show_kind(group: str, kind: str, brief: bool) -> None:
         [row.name, row.unit, row.default, f"{row.low:g}", f"{row.high:g}", row.scale, row.meaning]
         for row in describe(group, kind)
     ]
-    columns = {"parameter": "", "unit": "", "default": "", "lowest": "right", "highest": "right", "scale": "", "meaning": ""}
+    columns = {
+        "parameter": "",
+        "unit": "",
+        "default": "",
+        "lowest": "right",
+        "highest": "right",
+        "scale": "",
+        "meaning": "",
+    }
     print_table("", columns, rows)
 
 

@@ -42,7 +42,7 @@ class SurfaceState(NamedTuple):
 
 @kernel
 def contact_force(surface: SurfaceState, z: float, z_rate: float, slip: float) -> tuple[float, float]:
-    """Return (normal, tangential) force the robot exerts, N, at height z (m), rate z' and sliding speed `slip` (m/s)."""
+    """Return the (normal, tangential) force the robot exerts, N, at z (m), rate z' and sliding speed `slip` (m/s)."""
     depth = z - surface.position
     if depth <= 0.0 and not surface.pulls:
         return 0.0, 0.0

@@ -60,9 +60,7 @@ def read(path: Path) -> Document:
     except OSError as error:
         raise ExperimentError([Problem(None, f"{path}: cannot be read: {error.strerror}")]) from error
     if len(content) > MAX_BYTES:
-        raise ExperimentError(
-            [Problem(start, f"is larger than {MAX_BYTES >> 20} MiB; this is no experiment")]
-        )
+        raise ExperimentError([Problem(start, f"is larger than {MAX_BYTES >> 20} MiB; this is no experiment")])
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -72,16 +70,8 @@ def read(path: Path) -> Document:
         raise ExperimentError([Problem(Place(str(path), line, column), message)]) from error
     document = parse(text, str(path))
     if not isinstance(document.data, dict):
-        found = (
-            "a list"
-            if isinstance(document.data, list)
-            else "empty"
-            if document.data is None
-            else "a single value"
-        )
-        raise ExperimentError(
-            [Problem(start, f"an experiment is a mapping of keys to values; this file is {found}")]
-        )
+        found = "a list" if isinstance(document.data, list) else "empty" if document.data is None else "a single value"
+        raise ExperimentError([Problem(start, f"an experiment is a mapping of keys to values; this file is {found}")])
     return document
 
 
@@ -96,9 +86,7 @@ def parse(text: str, file: str) -> Document:
         place = Place(file, mark.line + 1, mark.column + 1) if mark else Place(file, 1, 1)
         raise ExperimentError([Problem(place, _syntax_message(error))]) from error
     except YAMLError as error:
-        raise ExperimentError(
-            [Problem(_control_place(text, file), f"is not YAML: {_one_line(error)}")]
-        ) from error
+        raise ExperimentError([Problem(_control_place(text, file), f"is not YAML: {_one_line(error)}")]) from error
     except RecursionError as error:
         raise ExperimentError([Problem(Place(file, 1, 1), "is nested too deeply")]) from error
     if reader.problems:
@@ -153,9 +141,7 @@ class _Reader:
             if not isinstance(key, ScalarNode) or not key.value:
                 self._problem(key, "a key must be a single word")
             elif str(key.tag) == _CORE + "merge":
-                self._problem(
-                    key, "merge keys (<<) are not part of YAML 1.2; write the values out, or use an alias"
-                )
+                self._problem(key, "merge keys (<<) are not part of YAML 1.2; write the values out, or use an alias")
             elif key.value in seen:
                 first = seen[key.value].start_mark.line + 1
                 self._problem(key, f"the key '{key.value}' is here twice; the first is in line {first}")

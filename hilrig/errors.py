@@ -5,6 +5,8 @@ HilrigError
 ├── RunDirectoryError a run directory is missing, incomplete or not one                           (exit 2)
 ├── PluginError       a plug-in cannot be found or does not keep its interface                    (exit 2)
 ├── OutOfReach        a position that the robot cannot take
+├── Tripped           a safety limit was exceeded                        (the trial's outcome)
+├── Stopped           a trial was told to end before its last tick       (the trial's outcome)
 └── RigError          a process of the rig failed, vanished or did not answer in time             (exit 1)
 """
 
@@ -29,6 +31,14 @@ class RunDirectoryError(HilrigError):
 
 class RigError(HilrigError):
     """A process of the rig failed, vanished, or did not answer in time."""
+
+
+class Tripped(HilrigError):
+    """A safety limit was exceeded; the message names the limit, the value and the tick."""
+
+
+class Stopped(HilrigError):
+    """The trial was told to end before its last tick."""
 
 
 class OutOfReach(HilrigError):

@@ -1,4 +1,4 @@
-"""The hybrid impedance filter that every control law shares: eqs. (3) to (5) of the paper, and its auxiliary error (25)."""
+"""The hybrid impedance filter that every control law shares, eqs. (3) to (5) of the paper, and small linear algebra."""
 
 from __future__ import annotations
 
@@ -47,13 +47,9 @@ def advance_filter(
     Both integrals are kept near the measured state: v_d within x' +- 0.1 m/s, p_d within x +- 0.02 m.
     """
     if impedance.reference_states:
-        acceleration = desired_acceleration(
-            impedance, filter_position, filter_velocity, state.force, reference
-        )
+        acceleration = desired_acceleration(impedance, filter_position, filter_velocity, state.force, reference)
     else:
-        acceleration = desired_acceleration(
-            impedance, state.position, state.velocity, state.force, reference
-        )
+        acceleration = desired_acceleration(impedance, state.position, state.velocity, state.force, reference)
     for i in range(acceleration.size):
         speed = filter_velocity[i] + period * acceleration[i]
         v = state.velocity[i]
@@ -73,7 +69,13 @@ def joint_torque(jacobian: Array, task_force: Array) -> Array:
 @kernel
 def task_force(jacobian: Array, torque: Array) -> Array:
     """Return J^-T tau: the task force (m,) N of a joint torque (n,) N m."""
-    return np.linalg.solve(np.ascontiguousarray(jacobian.T), torque)
+    return solve(np.ascontiguousarray(jacobian.T), torque)
+
+
+@kernel
+def solve(matrix: Array, vector: Array) -> Array:
+    """Return matrix^-1 vector, (n,). Raises LinAlgError (ValueError in a kernel) if the matrix is singular."""
+    return np.linalg.solve(matrix, vector)  # pyright: ignore[reportReturnType]
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""What each kind of plug-in must offer. A kind is a file with one public frozen dataclass; its fields are the parameters."""
+"""What each kind of plug-in must offer. A kind is one file with one public frozen dataclass; its fields are parameters."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Controller(Protocol):
     """Group `controllers`."""
 
     def start(self, task: Task, state: State) -> Law:
-        """Return the law for one trial that begins in `state`. Raises ValueError if a parameter does not fit the task."""
+        """Return the law for a trial that begins in `state`. Raises ValueError if a parameter does not fit the task."""
         ...
 
 
@@ -124,7 +124,7 @@ class Disturbance(Protocol):
     """The fields of `Inputs` it changes"""
 
     def apply(self, inputs: Inputs, time: Array, axes: tuple[str, ...], random: np.random.Generator) -> None:
-        """Add itself to `inputs` in place, for trial times `time` (N,) s. Raises ValueError if it does not fit `axes`."""
+        """Add itself to `inputs` in place, for trial times `time` (N,) s. Raises ValueError if `axes` lack its axis."""
         ...
 
 

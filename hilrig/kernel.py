@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import config
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -43,5 +44,5 @@ def kernel(function: Function) -> Function:
 
     The plain Python function stays reachable as `.py_func`.
     """
-    numba.config.CACHE_DIR = _cache_folder(function)  # pyright: ignore[reportAttributeAccessIssue]
+    config.CACHE_DIR = _cache_folder(function)  # pyright: ignore[reportAttributeAccessIssue]
     return cast(Function, numba.njit(cache=True, error_model="numpy")(function))

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from hilrig.actuation import position_reference
-from hilrig.errors import HilrigError
+from hilrig.errors import Tripped
 from hilrig.interfaces import Begin, Law, Plant, Robot, Task
 from hilrig.kernel import kernel
-from hilrig.safety import Monitor, Tripped
+from hilrig.safety import Monitor
 from hilrig.signals import (
     WRENCH_AXES,
     Array,
@@ -111,9 +111,11 @@ class ControlSide:
             self.law = self.trial.controller.start(self.task, state)
         reference = Reference(*(signal[tick] for signal in self._references))
         wished = self.law.step(self.law.parameters, self.law.memory, state, reference)
-        if not np.isfinite(wished).all():
-            raise Tripped(f"tick {tick}: the torque of controller '{self.trial.controller_name}' is not finite: {wished}")
-        self._torque = limited(np.asarray(wished, dtype=np.float64), self.task.torque_limit)
+        self._torque, finite = limited(np.asarray(wished, dtype=np.float64), self.task.torque_limit)
+        if not finite:
+            raise Tripped(
+                f"tick {tick}: the torque of controller '{self.trial.controller_name}' is not finite: {wished}"
+            )
         position = position_reference(self._torque, measurement.joint_position, self._k_ref)
         return Answer(Command(self._torque, position), state, reference, self.law.memory)
 
@@ -137,24 +139,28 @@ def filter_velocity(velocity: Array, q: Array, last_q: Array, period: float, smo
 
 
 @kernel
-def limited(torque: Array, limit: Array) -> Array:
-    """Return `torque` (n,) within +- limit (n,) N m."""
-    return np.minimum(np.maximum(torque, -limit), limit)
+def limited(torque: Array, limit: Array) -> tuple[Array, bool]:
+    """Return `torque` (n,) within +- limit (n,) N m, and whether it was finite."""
+    return np.minimum(np.maximum(torque, -limit), limit), bool(np.all(np.isfinite(torque)))
 
 
-def warm_up(trial: Trial) -> dict[str, int]:
-    """Run one tick of both halves beside the trial, so that kernels are compiled and loaded before time counts.
-
-    Returns the length of every field of the law's memory.
-    """
-    plant_side, control_side = PlantSide(trial), ControlSide(trial)
+def warm_up_plant(trial: Trial) -> None:
+    """Run one tick of the driver's half beside the trial: its kernels are loaded, or compiled, before time counts."""
+    side = PlantSide(trial)
     try:
-        measurement, _ = plant_side.measure(0)
-        answer = control_side.control(0, measurement)
-        plant_side.advance(0, answer.command)
+        side.measure(0)
+        side.advance(0, None)
     finally:
-        plant_side.close()
-    return {name: np.size(value) for name, value in zip(type(answer.memory)._fields, answer.memory, strict=True)}
+        side.close()
+
+
+def warm_up_control(trial: Trial) -> dict[str, int]:
+    """Run one tick of the controller's half beside the trial; return the length of every field of the law's memory."""
+    side = ControlSide(trial)
+    still = np.zeros(trial.driver.robot.joints)
+    at_rest = Measurement(start_joint_position(trial), np.zeros(6), still)
+    memory = side.control(0, at_rest).memory
+    return {name: np.size(value) for name, value in zip(type(memory)._fields, memory, strict=True)}
 
 
 class Wire(Protocol):
@@ -174,10 +180,6 @@ class Wire(Protocol):
         None before there is one.
         """
         ...
-
-
-class Stopped(HilrigError):
-    """The trial was told to end before its last tick."""
 
 
 def drive(side: PlantSide, wire: Wire) -> Iterator[int]:

@@ -67,9 +67,7 @@ def name_of(cls: type) -> tuple[str, str]:
     if len(parts) == 3 and parts[0] == "hilrig" and parts[1] in PROTOCOLS:
         return parts[1], parts[2]
     if parts[0].startswith(_USER_MODULE):
-        return sys.modules[cls.__module__].__dict__["__hilrig_group__"], str(
-            sys.modules[cls.__module__].__file__
-        )
+        return sys.modules[cls.__module__].__dict__["__hilrig_group__"], str(sys.modules[cls.__module__].__file__)
     for group in PROTOCOLS:
         for name, entry in _entry_points(group).items():
             if entry.module == cls.__module__:
@@ -106,9 +104,7 @@ def dump(value: Any) -> Any:
 
 def restore(group: str, document: dict[str, Any]) -> Any:
     """Return the object that `dump` wrote. Raises PluginError if the document does not fit the kind."""
-    return _build(
-        load(group, document["kind"]), {key: item for key, item in document.items() if key != "kind"}
-    )
+    return _build(load(group, document["kind"]), {key: item for key, item in document.items() if key != "kind"})
 
 
 def _is_kind(cls: type) -> bool:
@@ -163,9 +159,7 @@ def _entry_points(group: str) -> dict[str, EntryPoint]:
     for entry in entry_points(group=f"hilrig.{group}"):
         other = found.setdefault(entry.name, entry)
         if other.value != entry.value or entry.name in _built_in(group):
-            raise PluginError(
-                f"two packages offer the kind '{entry.name}' of {group}: {other.value}, {entry.value}"
-            )
+            raise PluginError(f"two packages offer the kind '{entry.name}' of {group}: {other.value}, {entry.value}")
     return found
 
 
@@ -212,9 +206,7 @@ def _execute(name: str, group: str, path: Path) -> types.ModuleType:
         raise PluginError(f"{path}:{error.lineno}: {error.msg}") from error
     except Exception as error:
         del sys.modules[name]
-        lines = [
-            frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)
-        ]
+        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
         line = lines[-1] if lines else 1
         raise PluginError(f"{path}:{line}: {type(error).__name__}: {error}") from error
     return module

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from hilrig.errors import HilrigError
+from hilrig.errors import Tripped
 from hilrig.kernel import kernel
 from hilrig.signals import Array, Measurement
 from hilrig.trial import Limits
-
-
-class Tripped(HilrigError):
-    """A safety limit was exceeded; the message names the limit, the value and the tick."""
 
 
 class Monitor:

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Picture = NDArray[np.uint8]
+"""(height, width, 3), RGB"""
 
 WRENCH_AXES = ("x", "y", "z")
 """The first three components of a wrench are the forces along these axes, the last three the moments about them."""
@@ -108,7 +110,7 @@ class State(NamedTuple):
 class Inputs(NamedTuple):
     """What disturbs a trial, for every tick. Zero, and one for scales, means undisturbed.
 
-    Fields that begin with `plant_` need a driver that can apply them; the others act on what is measured, in any driver.
+    Fields that begin with `plant_` need a driver that can apply them; the others act on what any driver measures.
     """
 
     plant_tip_force: Array

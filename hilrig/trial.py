@@ -6,7 +6,7 @@ No pydantic, no YAML and no units here: the processes of the rig read trials and
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -122,10 +122,10 @@ class Trial:
             "seed": list(self.seed),
             "driver": dump(self.driver),
             "controller": dump(self.controller),
-            "task": {name: dump(value) for name, value in asdict(self.task).items()},
-            "phases": [_phase_document(phase) for phase in self.phases],
-            "disturbances": [dump(disturbance) for disturbance in self.disturbances],
-            "limits": asdict(self.limits),
+            "task": dump(self.task),
+            "phases": dump(self.phases),
+            "disturbances": dump(self.disturbances),
+            "limits": dump(self.limits),
             "start_position": list(self.start_position),
         }
 
@@ -230,16 +230,6 @@ def make_task(trial: Trial) -> Task:
 def start_joint_position(trial: Trial) -> Array:
     """Return the joint position (n,) rad at which the trial starts. Raises OutOfReach."""
     return trial.driver.robot.inverse_kinematics(np.array(trial.start_position))
-
-
-def _phase_document(phase: PhaseSpec) -> dict[str, Any]:
-    return {
-        "name": phase.name,
-        "start": phase.start,
-        "end": phase.end,
-        "position": {axis: dump(signal) for axis, signal in phase.position.items()},
-        "force": {axis: dump(signal) for axis, signal in phase.force.items()},
-    }
 
 
 def _phase(document: Mapping[str, Any]) -> PhaseSpec:

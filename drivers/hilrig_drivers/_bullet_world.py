@@ -6,18 +6,39 @@ which is a turn about -y.
 
 from __future__ import annotations
 
+import os
+import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pybullet
-from pybullet_utils.bullet_client import BulletClient
 
 from hilrig.contact import Surface, SurfaceState
 from hilrig.robots.planar_2r import Planar2r
-from hilrig.signals import Array
+from hilrig.signals import Array, Picture
 from hilrig_drivers._planar import tip_force
+
+
+@contextmanager
+def silent_output() -> Iterator[None]:
+    """Swallow what native code prints on stdout: PyBullet greets on import and at every connection."""
+    sys.stdout.flush()
+    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)
+
+
+with silent_output():
+    import pybullet
 
 ARM_JOINTS = 2
 TIP_LINK = 2
@@ -26,12 +47,25 @@ WALL_HALF_DEPTH = 0.02
 NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
 
 
+class Engine:
+    """One connection to Bullet: its functions, bound to this connection when they are first used."""
+
+    def __init__(self) -> None:
+        with silent_output():
+            self._client = pybullet.connect(pybullet.DIRECT)
+
+    def __getattr__(self, name: str) -> Any:
+        bound = partial(getattr(pybullet, name), physicsClientId=self._client)
+        setattr(self, name, bound)
+        return bound
+
+
 class World:
     """The engine, the arm in it, and what one asks of them."""
 
     def __init__(self, robot: Planar2r, step_size: float) -> None:
         self.step_size = step_size
-        self.engine: Any = BulletClient(pybullet.DIRECT)
+        self.engine = Engine()
         self.engine.setTimeStep(step_size)
         self.engine.setPhysicsEngineParameter(enableFileCaching=0)
         self.engine.setGravity(robot.gravity[0], 0.0, robot.gravity[1])
@@ -50,9 +84,7 @@ class World:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "arm.urdf"
             path.write_text(urdf(robot))
-            return self.engine.loadURDF(
-                str(path), useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE
-            )
+            return self.engine.loadURDF(str(path), useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
 
     def place(self, joint_position: Array) -> None:
         """Put the arm at rest at `joint_position` (2,) rad."""
@@ -67,14 +99,16 @@ class World:
     def push_tip(self, force: Array, position: Array) -> None:
         """Apply a force (x, z) N to the tip at `position` (x, z) m for the next step."""
         self.engine.applyExternalForce(
-            self.arm, TIP_LINK, (force[0], 0.0, force[1]), (position[0], 0.0, position[1]), pybullet.WORLD_FRAME
+            self.arm,
+            TIP_LINK,
+            (force[0], 0.0, force[1]),
+            (position[0], 0.0, position[1]),
+            pybullet.WORLD_FRAME,
         )
 
     def step(self, torque: Array) -> None:
         """Step once with the joint torque (2,) N m."""
-        self.engine.setJointMotorControlArray(
-            self.arm, self._joints, pybullet.TORQUE_CONTROL, forces=torque.tolist()
-        )
+        self.engine.setJointMotorControlArray(self.arm, self._joints, pybullet.TORQUE_CONTROL, forces=torque.tolist())
         self.engine.stepSimulation()
 
     def add_wall(self, surface: Surface, solid: bool = False) -> int:
@@ -89,7 +123,7 @@ class World:
         """Return the centre of the box whose near face the tip's sphere touches at `surface_position` (m)."""
         return (0.0, 0.0, surface_position + TIP_RADIUS + WALL_HALF_DEPTH)
 
-    def picture(self, joint_position: Array, width: int, height: int) -> Array:
+    def picture(self, joint_position: Array, width: int, height: int) -> Picture:
         """Return an RGB picture (height, width, 3) uint8 of the arm at `joint_position` (2,) rad."""
         self.place(joint_position)
         view = self.engine.computeViewMatrix((0.0, -1.05, 0.12), (0.0, 0.0, 0.17), (0, 0, 1))
@@ -149,7 +183,11 @@ class EngineContact:
         settings = (surface.stiffness, surface.damping, surface.friction)
         if settings != self._settings:
             self._engine.changeDynamics(
-                self._wall, -1, contactStiffness=settings[0], contactDamping=settings[1], lateralFriction=settings[2]
+                self._wall,
+                -1,
+                contactStiffness=settings[0],
+                contactDamping=settings[1],
+                lateralFriction=settings[2],
             )
             self._settings = settings
 
@@ -157,17 +195,17 @@ class EngineContact:
 def urdf(robot: Planar2r) -> str:
     """Return the URDF of the arm: two links and a massless tip with a small sphere."""
     (l1, l2), masses = robot.lengths, robot.masses
-    centers = robot.centers_of_mass or robot.lengths
+    centers, inertias = robot.mass_distribution()
     links = "".join(
         _link(f"link_{i + 1}", length, mass, center, inertia)
-        for i, (length, mass, center, inertia) in enumerate(
-            zip(robot.lengths, masses, centers, robot.inertias, strict=True)
-        )
+        for i, (length, mass, center, inertia) in enumerate(zip(robot.lengths, masses, centers, inertias, strict=True))
     )
     return f"""<robot name="planar_2r">
-<link name="base"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+<link name="base"><inertial><mass value="1"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
 {links}<link name="tip"><inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>
-<visual><geometry><sphere radius="{TIP_RADIUS}"/></geometry><material name="tip"><color rgba="0.84 0.37 0 1"/></material></visual>
+<visual><geometry><sphere radius="{TIP_RADIUS}"/></geometry>
+<material name="tip"><color rgba="0.84 0.37 0 1"/></material></visual>
 <collision><geometry><sphere radius="{TIP_RADIUS}"/></geometry></collision></link>
 {_joint("joint_1", "base", "link_1", 0.0)}{_joint("joint_2", "link_1", "link_2", l1)}
 <joint name="tip_joint" type="fixed"><parent link="link_2"/><child link="tip"/><origin xyz="{l2!r} 0 0"/></joint>

@@ -29,8 +29,14 @@ class TwoLink:
     robot: Planar2r
     surface: Surface
     actuation: Actuation = field(default_factory=Actuation)
-    coulomb: Annotated[tuple[float, float], Parameter("N*m", "Coulomb friction of the joints", 0.0, 1e3)] = (0.0, 0.0)
-    viscous: Annotated[tuple[float, float], Parameter("N*m*s/rad", "viscous friction of the joints", 0.0, 1e3)] = (0.0, 0.0)
+    coulomb: Annotated[tuple[float, float], Parameter("N*m", "Coulomb friction of the joints", 0.0, 1e3)] = (
+        0.0,
+        0.0,
+    )
+    viscous: Annotated[tuple[float, float], Parameter("N*m*s/rad", "viscous friction of the joints", 0.0, 1e3)] = (
+        0.0,
+        0.0,
+    )
     substep: Annotated[float, Parameter("s", "integration step, at most", 1e-6, 1e-2, "log")] = 2.5e-4
 
     @property
@@ -114,7 +120,9 @@ def gravity_torque(c: Constants, state: Array) -> Array:
 
 
 @kernel
-def observe(c: Constants, state: Array, surface: SurfaceState, external: Array) -> tuple[tuple[Array, Array], Array, Array]:
+def observe(
+    c: Constants, state: Array, surface: SurfaceState, external: Array
+) -> tuple[tuple[Array, Array], Array, Array]:
     """Return ((x, x'), F_e, the torque G + J^T F_e that holds the arm)."""
     at = kinematics(c.geometry, state[:2], state[2:])
     force = tip_force(surface, external, at.position, at.velocity)
@@ -124,7 +132,13 @@ def observe(c: Constants, state: Array, surface: SurfaceState, external: Array) 
 
 @kernel
 def derivative(
-    c: Constants, state: Array, surface: SurfaceState, external: Array, friction_scale: float, torque: Array, reference: Array
+    c: Constants,
+    state: Array,
+    surface: SurfaceState,
+    external: Array,
+    friction_scale: float,
+    torque: Array,
+    reference: Array,
 ) -> tuple[Array, Array]:
     """Return the state's rate (4,) and the motor torque (2,)."""
     q, rate = state[:2], state[2:]

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from hilrig.impedance import advance_filter, joint_torque, regressor_matrix
+from hilrig.impedance import advance_filter, joint_torque, regressor_matrix, solve
 from hilrig.interfaces import Impedance, Law, Parameter, PerAxis, Task, per_axis
 from hilrig.kernel import kernel
 from hilrig.signals import Array, Reference, State
@@ -66,16 +66,14 @@ class Memory(NamedTuple):
 @kernel
 def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Array:
     """Return the joint torque (n,) N m and move `memory` on by one period."""
-    a_d = advance_filter(
-        c.impedance, c.period, memory.filter_position, memory.filter_velocity, state, reference
-    )
+    a_d = advance_filter(c.impedance, c.period, memory.filter_position, memory.filter_velocity, state, reference)
     e = memory.filter_position - state.position
     e_rate = memory.filter_velocity - state.velocity
     s = e_rate + c.slope * e
-    v = np.linalg.solve(state.jacobian, memory.filter_velocity + c.slope * e)
-    a = np.linalg.solve(state.jacobian, a_d + c.slope * e_rate - np.dot(state.jacobian_rate, v))
+    v = solve(state.jacobian, memory.filter_velocity + c.slope * e)
+    a = solve(state.jacobian, a_d + c.slope * e_rate - np.dot(state.jacobian_rate, v))
     y = regressor_matrix(state.regressor, v, a)
-    joint_error = np.linalg.solve(state.jacobian, s)
+    joint_error = solve(state.jacobian, s)
     memory.parameter_estimate[:] += c.period * c.rate * np.dot(np.ascontiguousarray(y.T), joint_error)
     memory.tracking_error[:] = e
     memory.sliding_variable[:] = s

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from hilrig.impedance import advance_filter, joint_torque, model_torque
+from hilrig.impedance import advance_filter, joint_torque, model_torque, solve
 from hilrig.interfaces import Impedance, Law, Parameter, PerAxis, Task, per_axis
 from hilrig.kernel import kernel
 from hilrig.signals import Array, Reference, State
@@ -17,7 +17,7 @@ from hilrig.signals import Array, Reference, State
 class SlidingMode:
     """tau = Y(q, q', v, a) theta_0 + J^T [F_e + K sw(s)],  s = e' + Lambda e,  e = p_d - x (m,)
 
-    v = J^-1 (v_d + Lambda e), a = J^-1 (a_d + Lambda e' - J' v): the equivalent control from the nominal parameters theta_0;
+    v = J^-1 (v_d + Lambda e), a = J^-1 (a_d + Lambda e' - J' v): the equivalent control, theta_0 nominal;
     switching = sat: sw(s) = sat(s / phi), a boundary layer of width phi;  switching = sign: sw(s) = sign(s).
 
     Source: Slotine and Li, Applied Nonlinear Control, 1991, ch. 7, on the impedance filter's reference.
@@ -72,14 +72,12 @@ class Memory(NamedTuple):
 @kernel
 def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Array:
     """Return the joint torque (n,) N m and move `memory` on by one period."""
-    a_d = advance_filter(
-        c.impedance, c.period, memory.filter_position, memory.filter_velocity, state, reference
-    )
+    a_d = advance_filter(c.impedance, c.period, memory.filter_position, memory.filter_velocity, state, reference)
     e = memory.filter_position - state.position
     e_rate = memory.filter_velocity - state.velocity
     s = e_rate + c.slope * e
-    v = np.linalg.solve(state.jacobian, memory.filter_velocity + c.slope * e)
-    a = np.linalg.solve(state.jacobian, a_d + c.slope * e_rate - np.dot(state.jacobian_rate, v))
+    v = solve(state.jacobian, memory.filter_velocity + c.slope * e)
+    a = solve(state.jacobian, a_d + c.slope * e_rate - np.dot(state.jacobian_rate, v))
     for i in range(s.size):
         level = np.sign(s[i]) if c.sign else min(max(s[i] / c.boundary, -1.0), 1.0)
         memory.switching_force[i] = c.gain[i] * level

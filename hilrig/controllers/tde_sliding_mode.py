@@ -32,15 +32,24 @@ class TdeSlidingMode:
     boundary: Annotated[float, Parameter("m", "mu, width of the boundary layer", 1e-6, 1e3, "log")] = 0.01
     growth: Annotated[float, Parameter("", "k_1, growth of alpha_1", 0.0, 1e3, "log")] = 1.0
     decay: Annotated[float, Parameter("", "k_2, decay of alpha_1", 0.0, 1e3, "log")] = 1.0
-    gains_start: Annotated[tuple[float, float, float], Parameter("", "alpha at the start", 0.0, 1e3)] = (0.01, 1.0, 1.0)
-    gains_floor: Annotated[tuple[float, float, float], Parameter("", "floors alpha^m", 0.0, 1e3)] = (0.005, 0.5, 0.5)
+    gains_start: Annotated[tuple[float, float, float], Parameter("", "alpha at the start", 0.0, 1e3)] = (
+        0.01,
+        1.0,
+        1.0,
+    )
+    gains_floor: Annotated[tuple[float, float, float], Parameter("", "floors alpha^m", 0.0, 1e3)] = (
+        0.005,
+        0.5,
+        0.5,
+    )
 
     def start(self, task: Task, state: State) -> Law:
         """Return the law, its filter at the measured state and its estimate at the torque that holds the arm."""
         m = len(task.axes)
         kp, kd = self.position_gain, self.velocity_gain
         constants = Constants(
-            task.impedance, task.period, per_axis(self.inertia_estimate, m), kp, kd, 1 / (2 * kp), (1 + 1 / kp) / (2 * kd),
+            task.impedance, task.period, per_axis(self.inertia_estimate, m), kp, kd,
+            1 / (2 * kp), (1 + 1 / kp) / (2 * kd),
             self.robust_gain, self.boundary, self.growth, self.decay, np.array(self.gains_floor),
         )  # fmt: skip
         zero = np.zeros(m)
@@ -90,9 +99,7 @@ class Memory(NamedTuple):
 @kernel
 def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Array:
     """Return the joint torque (n,) N m and move `memory` on by one period."""
-    a_d = advance_filter(
-        c.impedance, c.period, memory.filter_position, memory.filter_velocity, state, reference
-    )
+    a_d = advance_filter(c.impedance, c.period, memory.filter_position, memory.filter_velocity, state, reference)
     e = memory.filter_position - state.position
     e_rate = memory.filter_velocity - state.velocity
     xi = c.p12 * e + c.p22 * e_rate

@@ -34,7 +34,8 @@ def completed(experiment: Experiment) -> Experiment:
         *_check_abilities(experiment),
     ]  # fmt: skip
     phases, expect = [], []
-    for i, phase in enumerate(experiment.phases):
+    axes_known = set(experiment.task.force_axes) <= set(experiment.driver.robot.axes)
+    for i, phase in enumerate(experiment.phases if axes_known else ()):
         phases.append(_complete_phase(experiment, phase, i, findings))
     for i, expectation in enumerate(experiment.expect):
         findings += _check_expectation(experiment, expectation, i)
@@ -159,7 +160,7 @@ def _complete_phase(experiment: Experiment, phase: Phase, index: int, findings: 
 def _check_axes(given: Mapping[str, Any], axes: tuple[str, ...], path: Keys, name: str) -> Iterator[Finding]:
     listed = ", ".join(axes) or "none"
     if ONLY_AXIS in given:
-        example = f"; write {{{axes[0]}: {{kind: ...}}, ...}}" if axes else ""
+        example = f" write {{{axes[0]}: {{kind: ...}}, ...}}" if axes else ""
         yield Finding((*path, name), f"which axis is this for?{example} ({name}-controlled axes: {listed})")
         return
     for axis in given:

@@ -70,11 +70,12 @@ def _merged(source: Document, data: Any, path: Keys, value: Document) -> Documen
 
     start = Place(value.file, 1, 1)
     keys = merge(source.keys, {(): start, **value.keys})
+    sections = {path[:depth]: start for depth in range(1, len(path)) if path[:depth] not in source.values}
     return Document(
         source.file,
         data,
-        merge(source.values, {(): start, **value.values}),
-        keys,
+        {**merge(source.values, {(): start, **value.values}), **sections},
+        {**keys, **sections},
         merge(source.written, value.written),
     )
 

@@ -49,15 +49,17 @@ def check_workspace(trial: Trial) -> None:
     looked at every 10 ms and at its extremes in every axis. Force references are sampled, too.
     """
     path = _trajectory(trial)
-    _check_point(trial, 0, np.array(trial.start_position))
+    start = np.array(trial.start_position)
+    if not np.array_equal(start, path[0]):
+        _check_point(trial, start, "the start", ("task", "start"))
     last = 0
     for tick in _instants(trial, path):
         try:
-            _check_point(trial, tick, path[tick])
+            _check_tick(trial, tick, path[tick])
         except MisfitError:
             # Name the first tick that is out of reach, not the first one looked at.
             for earlier in range(last, tick + 1):
-                _check_point(trial, earlier, path[earlier])
+                _check_tick(trial, earlier, path[earlier])
         last = tick
 
 
@@ -83,21 +85,24 @@ def _instants(trial: Trial, path: Array) -> list[int]:
     return sorted(ticks)
 
 
-def _check_point(trial: Trial, tick: int, position: Array) -> None:
-    robot = trial.driver.robot
+def _check_tick(trial: Trial, tick: int, position: Array) -> None:
     index = next(i for i, phase in enumerate(trial.phases) if tick < trial.tick_of(phase.end))
+    when = f"phase '{trial.phases[index].name}', t = {tick * trial.period:.4g} s"
+    _check_point(trial, position, when, ("phases", index, "position"))
+
+
+def _check_point(trial: Trial, position: Array, when: str, path: Keys) -> None:
+    robot = trial.driver.robot
     where = ", ".join(f"{axis} = {value:.4g} m" for axis, value in zip(trial.axes, position, strict=True))
-    at = f"phase '{trial.phases[index].name}', t = {tick * trial.period:.4g} s: {where}"
     try:
         q = robot.inverse_kinematics(position)
     except OutOfReach as error:
-        raise MisfitError(("phases", index, "position"), f"{at} is out of reach: {error}") from error
+        raise MisfitError(path, f"{when}: {where} is out of reach: {error}") from error
     lower, upper = robot.joint_limits()
     for joint, (value, low, high) in enumerate(zip(q, lower, upper, strict=True), start=1):
         if not low <= value <= high:
             limits = f"it moves from {low:.4g} to {high:.4g} rad"
-            message = f"{at} needs joint {joint} at {value:.4g} rad; {limits}"
-            raise MisfitError(("phases", index, "position"), message)
+            raise MisfitError(path, f"{when}: {where} needs joint {joint} at {value:.4g} rad; {limits}")
 
 
 def check_controller(trial: Trial) -> None:

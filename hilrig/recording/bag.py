@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import IO, Any, cast
 
 import numpy as np
 from mcap.exceptions import EndOfFile, McapError
@@ -48,7 +48,9 @@ class BagWriter:
     def __enter__(self) -> BagWriter:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
 
@@ -56,7 +58,7 @@ def read_bag(path: Path, topics: Iterable[str] | None = None) -> dict[str, dict[
     """Return every field of every message: channel -> field -> array, (N,) or (N, k), in order of recording.
 
     `topics` selects channels (default all). A bag that was cut off by a crash gives all that reached the disk. Timing
-    channels, which carry many ticks a message, come out one row per tick. Raises RunDirectoryError for an unusable file.
+    channels, which carry many ticks a message, come out one row per tick. Raises RunDirectoryError if it is no bag.
     """
     wanted = None if topics is None else {topic.strip("/") for topic in topics}
     payloads: dict[str, list[bytes]] = defaultdict(list)
@@ -68,13 +70,27 @@ def read_bag(path: Path, topics: Iterable[str] | None = None) -> dict[str, dict[
     return {name: _columns(definitions[name], payloads[name]) for name in payloads}
 
 
+class _WholeReads:
+    """A file that ends with EndOfFile also in the middle of a record, where mcap itself would take what there is."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+
+    def read(self, size: int) -> bytes:
+        """Return `size` bytes. Raises EndOfFile if there are fewer."""
+        data = self._file.read(size)
+        if len(data) < size:
+            raise EndOfFile
+        return data
+
+
 def _messages(path: Path, wanted: set[str] | None) -> Iterator[tuple[str, Any, bytes]]:
     if not path.is_file():
         raise RunDirectoryError(f"{path}: there is no such bag")
     topics = None if wanted is None else [f"/{name}" for name in wanted]
     with path.open("rb") as file:
         try:
-            reader = NonSeekingReader(file)
+            reader = NonSeekingReader(cast(IO[bytes], _WholeReads(file)))
             for schema, channel, message in reader.iter_messages(topics=topics, log_time_order=False):
                 yield channel.topic.lstrip("/"), schema, message.data
         except EndOfFile:

@@ -94,5 +94,11 @@ def read_outcome(run: Path, trial: str) -> dict[str, Any]:
     """Return the outcome of one trial; one that has none was never finished."""
     path = run / "trials" / trial / "outcome.json"
     if not path.is_file():
-        return {"trial": trial, "outcome": "aborted", "reason": "never run to its end", "ticks": 0, "channels": {}}
+        return {
+            "trial": trial,
+            "outcome": "aborted",
+            "reason": "never run to its end",
+            "ticks": 0,
+            "channels": {},
+        }
     return read_json(path)

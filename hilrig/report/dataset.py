@@ -164,8 +164,7 @@ def _late(timing: dict[str, np.ndarray] | None, ticks: np.ndarray) -> Array:
 
 
 _STANDARD = frozenset(
-    "tick time position velocity force reference_position reference_velocity "
-    "reference_acceleration reference_force".split()
+    ["tick", "time", "position", "velocity", "force", "reference_position", "reference_velocity", "reference_acceleration", "reference_force"]
 )
 
 

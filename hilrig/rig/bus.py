@@ -1,7 +1,7 @@
 """The zenoh bus. The only file that imports zenoh.
 
 Discovery is off and every endpoint is explicit. A participant declares its subscriptions first and its liveliness token
-last; declarations keep their order on a link. So whoever sees a participant's token knows that its own messages reach it.
+last; declarations keep their order on a link. So who sees a participant's token knows that its own messages reach it.
 """
 
 from __future__ import annotations
@@ -116,5 +116,7 @@ class Bus:
     def __enter__(self) -> Bus:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()

@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hilrig.loop import Answer
 from hilrig.messages.codec import Codec, Definition, definition, extended
 from hilrig.recording.recorder import Channel
 from hilrig.rig.bus import Outbox
 from hilrig.signals import Array, Measurement, Truth
 from hilrig.trial import Trial
+
+if TYPE_CHECKING:
+    from hilrig.loop import Answer
 
 BATCH = 256
 """Ticks in one timing message"""

@@ -15,8 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
-from hilrig.errors import HilrigError
-from hilrig.loop import Stopped
+from hilrig.errors import HilrigError, Stopped
 from hilrig.recording.run_directory import read_trial
 from hilrig.rig.bus import Bus
 from hilrig.rig.clock import pin
@@ -53,14 +52,17 @@ class Child:
         self.orders = orders
         self.role = orders.role
         self.run = Path(orders.run)
-        self.trial: Trial = read_trial(self.run, orders.trial)
         self._bus: Bus | None = None
+
+    def read_trial(self) -> Trial:
+        """Return the trial that this rig is to run."""
+        return read_trial(self.run, self.orders.trial)
 
     @property
     def bus(self) -> Bus:
         """The child's place on the bus, taken when it is first asked for.
 
-        By then kernels are compiled, on any core; the bus's threads keep to the cores that the process has when they start.
+        By then kernels are compiled, on any core; the bus's threads keep to the cores that the process has then.
         """
         if self._bus is None:
             pin(list(self.orders.cores))

@@ -20,7 +20,7 @@ _libc = ctypes.CDLL(None, use_errno=True)
 
 
 def sleep_until(moment: int) -> None:
-    """Sleep until `moment`, CLOCK_MONOTONIC in ns; return at once if it is past. Interrupted by signals, it sleeps on."""
+    """Sleep until `moment`, CLOCK_MONOTONIC in ns; return at once if it is past. A signal does not end it."""
     spec = _Timespec(moment // NANOSECONDS, moment % NANOSECONDS)
     while _libc.clock_nanosleep(time.CLOCK_MONOTONIC, TIMER_ABSTIME, ctypes.byref(spec), None) != 0:
         if time.monotonic_ns() >= moment:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import time
 
-from hilrig.loop import ControlSide, warm_up
+from hilrig.errors import Tripped
+from hilrig.loop import ControlSide, warm_up_control
 from hilrig.rig.channels import CONTROLLER, PARCEL, Codecs, Record, Stamps
 from hilrig.rig.child import Child, main
-from hilrig.safety import Tripped
 
 
 def work(child: Child) -> None:
     """Answer every measurement until the driver says that it was the last."""
-    trial = child.trial
+    trial = child.read_trial()
     realtime = trial.clock == "realtime"
-    memory = warm_up(trial)
+    memory = warm_up_control(trial)
     codecs, side, stamps = Codecs(trial, memory), ControlSide(trial), Stamps("ControllerTiming", 4)
     states = child.bus.inbox("state", latest_only=realtime)
     commands = child.bus.outbox("command", blocking=not realtime)

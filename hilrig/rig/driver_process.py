@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections import deque
 
-from hilrig.loop import PlantSide, Stopped, drive, warm_up
+from hilrig.errors import Stopped, Tripped
+from hilrig.loop import PlantSide, drive, warm_up_plant
 from hilrig.rig.channels import DRIVER, PARCEL, Codecs, Record, Stamps
 from hilrig.rig.child import Child, main
 from hilrig.rig.clock import Pacer
-from hilrig.safety import Tripped
 from hilrig.signals import Command, Measurement, Truth
+from hilrig.trial import Trial
 
 PROGRESS = 100_000_000
 """ns between two reports of progress"""
@@ -19,8 +20,7 @@ PROGRESS = 100_000_000
 class BusWire:
     """The driver's end of the bus."""
 
-    def __init__(self, child: Child) -> None:
-        trial = child.trial
+    def __init__(self, child: Child, trial: Trial) -> None:
         self._child = child
         self._realtime = trial.clock == "realtime"
         self._codecs = Codecs(trial, {})
@@ -90,8 +90,9 @@ class BusWire:
 
 def work(child: Child) -> None:
     """Run the trial from the driver's side."""
-    warm_up(child.trial)
-    wire, side, done = BusWire(child), PlantSide(child.trial), 0
+    trial = child.read_trial()
+    warm_up_plant(trial)
+    wire, side, done = BusWire(child, trial), PlantSide(trial), 0
     child.ready(("controller", "logger"))
     outcome, reason = "completed", ""
     try:

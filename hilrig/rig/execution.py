@@ -66,7 +66,10 @@ def execute(
     began = time.monotonic()
     outcomes = _Work(run, options, listener).through(trials)
     finished = datetime.now(UTC).isoformat(timespec="seconds")
-    write_json(run / "manifest.json", {**manifest, "finished": finished, "wall_s": round(time.monotonic() - began, 3)})
+    write_json(
+        run / "manifest.json",
+        {**manifest, "finished": finished, "wall_s": round(time.monotonic() - began, 3)},
+    )
     return run, outcomes
 
 

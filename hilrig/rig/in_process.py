@@ -7,14 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from hilrig.loop import ControlSide, PlantSide, Stopped, drive, warm_up
+from hilrig.errors import Stopped, Tripped
+from hilrig.loop import ControlSide, PlantSide, drive, warm_up_control, warm_up_plant
 from hilrig.recording.recorder import Recorder
 from hilrig.recording.run_directory import trial_directory, write_json
 from hilrig.recording.timing import summarise
 from hilrig.rig.channels import Codecs, Stamps, channels
 from hilrig.rig.clock import Pacer
 from hilrig.rig.outcome import Outcome
-from hilrig.safety import Tripped
 from hilrig.signals import Command, Measurement, Truth
 from hilrig.trial import Trial
 
@@ -22,11 +22,16 @@ from hilrig.trial import Trial
 class DirectWire:
     """Hands the measurement to the controller by a call."""
 
-    def __init__(self, trial: Trial, control: ControlSide, recorder: Recorder, codecs: Codecs, stop: Callable[[], bool]) -> None:
+    def __init__(
+        self, trial: Trial, control: ControlSide, recorder: Recorder, codecs: Codecs, stop: Callable[[], bool]
+    ) -> None:
         self._control, self._recorder, self._codecs, self._stop = control, recorder, codecs, stop
         self._pacer = Pacer(trial.period, trial.clock == "realtime")
         self._commands: dict[int, Command] = {}
-        self._driver_stamps, self._controller_stamps = Stamps("DriverTiming", 5), Stamps("ControllerTiming", 4)
+        self._driver_stamps, self._controller_stamps = (
+            Stamps("DriverTiming", 5),
+            Stamps("ControllerTiming", 4),
+        )
         self._moments = (0, 0)
         self.sent: dict[str, int] = dict.fromkeys(recorder.summary(), 0)
 
@@ -71,11 +76,15 @@ class DirectWire:
 
 
 def run_in_process(
-    run: Path, trial: Trial, report: Callable[[int], None] = lambda tick: None, stop: Callable[[], bool] = lambda: False
+    run: Path,
+    trial: Trial,
+    report: Callable[[int], None] = lambda tick: None,
+    stop: Callable[[], bool] = lambda: False,
 ) -> Outcome:
-    """Run one trial in this process and return its outcome; `report` hears of progress, `stop` is asked now and then."""
+    """Run one trial in this process and return its outcome; `report` hears of progress, `stop` is asked."""
     directory = trial_directory(run, trial.id)
-    memory = warm_up(trial)
+    warm_up_plant(trial)
+    memory = warm_up_control(trial)
     codecs, plant, control = Codecs(trial, memory), PlantSide(trial), ControlSide(trial)
     outcome, reason, done = "completed", "", 0
     began = time.monotonic()

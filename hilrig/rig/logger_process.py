@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hilrig.loop import Stopped
+from hilrig.errors import Stopped
 from hilrig.recording.recorder import Recorder
 from hilrig.recording.run_directory import write_json
 from hilrig.recording.timing import summarise
@@ -15,13 +15,13 @@ def work(child: Child) -> None:
     """Record until every sender has said that it sent its last message, or until stopped."""
     parcels = child.bus.inbox("record")
     order = child.ready(("driver", "controller"))
-    directory = child.run / "trials" / child.trial.id
-    with Recorder(directory, child.trial.period, channels(order["memory"])) as recorder:
+    directory = child.run / "trials" / child.orders.trial
+    with Recorder(directory, order["period"], channels(order["memory"])) as recorder:
         try:
             record(parcels, recorder)
         except Stopped:
             record_rest(parcels, recorder)
-        write_json(directory / "timing.json", summarise(child.trial.clock, recorder.timing))
+        write_json(directory / "timing.json", summarise(order["clock"], recorder.timing))
         summary = recorder.summary()
     child.tell("done", channels=summary)
 

@@ -26,7 +26,13 @@ class Outcome:
 
     @classmethod
     def of(
-        cls, trial: Trial, outcome: str, reason: str, ticks: int, wall: float, channels: Mapping[str, Mapping[str, Any]]
+        cls,
+        trial: Trial,
+        outcome: str,
+        reason: str,
+        ticks: int,
+        wall: float,
+        channels: Mapping[str, Mapping[str, Any]],
     ) -> Outcome:
         """Return the outcome; a trial that ran to its end with messages unaccounted for is not completed."""
         if outcome == "completed" and (trouble := unexplained(channels)):
@@ -49,7 +55,7 @@ def unexplained(channels: Mapping[str, Mapping[str, Any]]) -> str:
     if not channels:
         return "the logger left no account of what it stored"
     missing = [
-        f"{name}: {account['stored']} stored, {account['sent'] if account['sent'] is not None else 'nobody knows how many'} sent"
+        f"{name}: {account['stored']} stored, {'?' if account['sent'] is None else account['sent']} sent"
         for name, account in channels.items()
         if account["lost"] != 0
     ]

@@ -23,15 +23,20 @@ from hilrig.rig.outcome import Outcome
 from hilrig.trial import Trial
 
 ROLES = ("driver", "controller", "logger")
-READY_TIMEOUT = 180.0
+READY_TIMEOUT = float(os.environ.get("HILRIG_READY_TIMEOUT", "180"))
 """s: the first trial on a machine compiles its kernels"""
-SILENCE_TIMEOUT = 15.0
+SILENCE_TIMEOUT = float(os.environ.get("HILRIG_SILENCE_TIMEOUT", "15"))
 """s without progress after which a trial has hung"""
 GRACE = 5.0
 """s that a process is given to end by itself"""
 STEP = 0.005
 """s between two looks at the children"""
-QUIET = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+QUIET = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "NUMBA_NUM_THREADS": "1",
+}
 """Environment of the children: a 1 ms process wants no thread pool beside it"""
 
 
@@ -109,7 +114,9 @@ class Rig:
             return False
         return True
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self._clean_up()
 
     def _clean_up(self) -> None:
@@ -139,7 +146,8 @@ class Watch:
         began = time.monotonic()
         if self._all_ready():
             began = self._heard = time.monotonic()
-            self._rig.order("go", memory=self._ready["controller"]["memory"])
+            trial = self._rig.trial
+            self._rig.order("go", memory=self._ready["controller"]["memory"], period=trial.period, clock=trial.clock)
             self._follow()
         wall = time.monotonic() - began
         channels = self._bring_down()
@@ -253,7 +261,7 @@ class Watch:
 
 
 def cores_for(slot: int) -> dict[str, tuple[int, ...]]:
-    """Return the cores of each role: driver and controller share one (their hand-over is fastest), the logger has another.
+    """Return the cores of each role: one for driver and controller (the fastest hand-over), another for the logger.
 
     Raises RigError where the system tells no cores.
     """

@@ -39,8 +39,9 @@ class Planar2r:
     in kg m^2 (three), kg m (two), N m (Coulomb, two) and N m s/rad (viscous, two). Friction is not part of the nominal
     model: f and b are zero in `dynamic_parameters`, and the plant's own friction belongs to its driver.
 
-    The masses sit at the ends of the links unless `centers_of_mass` says otherwise. `dynamic_lengths` gives the dynamics
-    other lengths than the kinematics: the paper's Section V needs it (paper-notes, erratum 18).
+    A link is a uniform slender rod unless `centers_of_mass` and `inertias` say otherwise; point masses at the ends, as
+    in the paper, are centers_of_mass = dynamic_lengths and inertias = 0. `dynamic_lengths` gives the dynamics other
+    lengths than the kinematics: the paper's Section V needs it.
     """
 
     axes: ClassVar[tuple[str, ...]] = ("x", "z")
@@ -49,9 +50,13 @@ class Planar2r:
     lengths: Annotated[Pair, Parameter("m", "kinematic lengths L1, L2", 1e-3, 10.0)]
     masses: Annotated[Pair, Parameter("kg", "masses m1, m2", 1e-3, 1e3)]
     gravity: Annotated[Pair, Parameter("m/s^2", "gravity along (x, z)", -30.0, 30.0)] = (0.0, -9.81)
-    dynamic_lengths: Annotated[Pair | None, Parameter("m", "lengths l1, l2 of the dynamics, if other", 1e-3, 10.0)] = None
-    centers_of_mass: Annotated[Pair | None, Parameter("m", "c1, c2 from each joint; default: the ends", 0.0, 10.0)] = None
-    inertias: Annotated[Pair, Parameter("kg*m^2", "I1, I2 about the centres of mass", 0.0, 1e3)] = (0.0, 0.0)
+    dynamic_lengths: Annotated[Pair | None, Parameter("m", "lengths l1, l2 of the dynamics, if other", 1e-3, 10.0)] = (
+        None
+    )
+    centers_of_mass: Annotated[Pair | None, Parameter("m", "c1, c2 from each joint; default: l/2", 0.0, 10.0)] = None
+    inertias: Annotated[Pair | None, Parameter("kg*m^2", "I1, I2 about the centres; default: m l^2/12", 0.0, 1e3)] = (
+        None
+    )
     joint_lower: Annotated[Pair, Parameter("rad", "lowest joint positions", -7.0, 7.0)] = (-np.pi, -np.pi)
     joint_upper: Annotated[Pair, Parameter("rad", "highest joint positions", -7.0, 7.0)] = (np.pi, np.pi)
     torque_limit: Annotated[Pair, Parameter("N*m", "largest joint torques", 0.0, 1e4)] = (200.0, 200.0)
@@ -60,6 +65,12 @@ class Planar2r:
     def geometry(self) -> Geometry:
         """Return the numbers that the kernels take."""
         return Geometry(*self.lengths, (self.dynamic_lengths or self.lengths)[0], *self.gravity)
+
+    def mass_distribution(self) -> tuple[Pair, Pair]:
+        """Return the centres of mass c1, c2 (m, from each joint) and the inertias I1, I2 (kg m^2) about them."""
+        l1, l2 = self.dynamic_lengths or self.lengths
+        m1, m2 = self.masses
+        return self.centers_of_mass or (l1 / 2, l2 / 2), self.inertias or (m1 * l1**2 / 12, m2 * l2**2 / 12)
 
     def forward_kinematics(self, joint_position: Array) -> Array:
         """Return (x, z) in m of the end effector."""
@@ -87,11 +98,20 @@ class Planar2r:
     def dynamic_parameters(self) -> Array:
         """Return the nominal theta (9,), without friction."""
         m1, m2 = self.masses
-        l1, l2 = self.dynamic_lengths or self.lengths
-        c1, c2 = self.centers_of_mass or (l1, l2)
-        i1, i2 = self.inertias
+        l1, _ = self.dynamic_lengths or self.lengths
+        (c1, c2), (i1, i2) = self.mass_distribution()
         return np.array(
-            [i1 + m1 * c1**2 + m2 * l1**2, m2 * c2 * l1, i2 + m2 * c2**2, m1 * c1 + m2 * l1, m2 * c2, 0, 0, 0, 0],
+            [
+                i1 + m1 * c1**2 + m2 * l1**2,
+                m2 * c2 * l1,
+                i2 + m2 * c2**2,
+                m1 * c1 + m2 * l1,
+                m2 * c2,
+                0,
+                0,
+                0,
+                0,
+            ],
             dtype=np.float64,
         )
 

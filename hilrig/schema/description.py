@@ -6,7 +6,8 @@ import dataclasses
 from typing import Any, NamedTuple, get_args
 
 from hilrig import plugins
-from hilrig.schema.reading import bare, model_of, settable
+from hilrig.schema.fields import bare, settable
+from hilrig.schema.reading import model_of
 
 
 class Row(NamedTuple):

@@ -11,7 +11,7 @@ import types
 from collections.abc import Mapping
 from functools import cache, partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, create_model
 from pydantic_core import PydanticCustomError
@@ -21,6 +21,7 @@ from hilrig.document import Keys
 from hilrig.errors import PluginError, nearest
 from hilrig.interfaces import Parameter
 from hilrig.quantities import shown
+from hilrig.schema.fields import bare, meaning, names, settable
 from hilrig.schema.leaves import (
     Reader,
     Schema,
@@ -40,7 +41,7 @@ def read(cls: type, data: Any, context: Context) -> Any:
     """Return an instance of the dataclass `cls` made from `data`. Raises InvalidError."""
     if not isinstance(data, dict):
         raise InvalidError(
-            [Finding((), f"{shown(data)} is not a mapping; this needs one with {_listed(_names(cls))}")]
+            [Finding((), f"{shown(data)} is not a mapping; this needs one with {', '.join(names(cls))}")]
         )
     model = model_of(cls)
     try:
@@ -77,7 +78,10 @@ def _kind(group: str, allowed: type | None, data: Any, context: Context) -> Any:
         raise InvalidError(
             [Finding(("kind",), f"{kind!r} does not do here; this needs '{plugins.name_of(allowed)[1]}'")]
         )
-    made = read(cls, {key: item for key, item in data.items() if key != "kind"}, context)
+    try:
+        made = read(cls, {key: item for key, item in data.items() if key != "kind"}, context)
+    except PluginError as error:  # a field of a type that no file can give
+        raise InvalidError([Finding(("kind",), f"{kind}: {error}")]) from error
     return _filled(made, context.base) if hasattr(cls, "reads") else made
 
 
@@ -107,27 +111,6 @@ def model_of(cls: type) -> type[BaseModel]:
     return create_model(cls.__name__, __config__=config, **fields)
 
 
-def settable(cls: type) -> list[tuple[dataclasses.Field[Any], Any, Parameter]]:
-    """Return (field, its annotation, its parameter) for every field of `cls` that a file may set."""
-    hints = get_type_hints(cls, include_extras=True)
-    result = []
-    for field in dataclasses.fields(cls):
-        if not field.metadata.get("filled"):
-            hint = hints[field.name]
-            notes = getattr(hint, "__metadata__", ())
-            parameter = next((note for note in notes if isinstance(note, Parameter)), Parameter(""))
-            result.append((field, hint, parameter))
-    return result
-
-
-def _names(cls: type) -> list[str]:
-    return [field.name for field, _, _ in settable(cls)]
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(f"'{name}'" for name in names) or "no keys"
-
-
 @dataclasses.dataclass(frozen=True)
 class _JsonSchema:
     """Tells pydantic the JSON Schema of a field that it cannot know."""
@@ -149,11 +132,6 @@ def _type(annotation: Any, parameter: Parameter) -> Any:
             raise PydanticCustomError("findings", "see findings", {"findings": error.findings}) from error
 
     return Annotated[Any, PlainValidator(validate), _JsonSchema(schema)]
-
-
-def bare(annotation: Any) -> Any:
-    """Return an annotation without its notes."""
-    return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
 
 
 def _reader(annotation: Any, parameter: Parameter) -> tuple[Reader, Schema]:
@@ -244,7 +222,7 @@ def _by_axis(mark: ByAxis) -> tuple[Reader, Schema]:
 
 def _findings(error: ValidationError, cls: type) -> list[Finding]:
     """Return what a model found wrong, in the words of this project."""
-    names = _names(cls)
+    allowed_names = names(cls)
     result: list[Finding] = []
     for item in error.errors():
         path: Keys = item["loc"]
@@ -252,15 +230,12 @@ def _findings(error: ValidationError, cls: type) -> list[Finding]:
             result += [found._replace(path=(*path, *found.path)) for found in item.get("ctx", {})["findings"]]
         elif item["type"] == "extra_forbidden":
             key = str(path[-1])
-            allowed = f" (allowed: {', '.join(names)})" if names else " (there are none)"
-            result.append(Finding(path, f"unknown key '{key}'{nearest(key, names)}{allowed}", on_key=True))
+            allowed = f" (allowed: {', '.join(allowed_names)})" if allowed_names else " (there are none)"
+            result.append(
+                Finding(path, f"unknown key '{key}'{nearest(key, allowed_names)}{allowed}", on_key=True)
+            )
         elif item["type"] == "missing":
-            result.append(Finding(path[:-1], f"'{path[-1]}' is missing{_wanted(cls, str(path[-1]))}"))
+            result.append(Finding(path[:-1], f"'{path[-1]}' is missing{meaning(cls, str(path[-1]))}"))
         else:
             result.append(Finding(path, item["msg"]))
     return result
-
-
-def _wanted(cls: type, name: str) -> str:
-    meaning = next(parameter.meaning for field, _, parameter in settable(cls) if field.name == name)
-    return f" ({meaning})" if meaning else ""

@@ -1,0 +1,127 @@
+"""The PyBullet arm in one trial: what is measured, and what one period does."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hilrig.actuation import Servo, holding_position, motor_torque
+from hilrig.interfaces import Begin
+from hilrig.kernel import kernel
+from hilrig.robots.planar_2r import Geometry, kinematics
+from hilrig.signals import Array, Command, Measurement, Nudge, Truth
+from hilrig_drivers._bullet_world import EngineContact, ExplicitContact, World
+from hilrig_drivers._planar import joint_friction, moved, planar_wrench, surface_now
+
+if TYPE_CHECKING:
+    from hilrig_drivers.pybullet_arm import PybulletArm
+
+
+class Constants(NamedTuple):
+    """What the forces on the arm depend on."""
+
+    geometry: Geometry
+    dynamics: Array
+    servo: Servo
+    coulomb: Array
+    viscous: Array
+
+
+class Sight(NamedTuple):
+    """The arm between two steps of the engine."""
+
+    joint_position: Array
+    joint_velocity: Array
+    position: Array
+    velocity: Array
+    gravity: Array
+    """G(q), (2,) N m"""
+    jacobian: Array
+
+
+class BulletPlant:
+    """The arm in one trial."""
+
+    def __init__(self, driver: PybulletArm, begin: Begin) -> None:
+        robot = driver.robot
+        self._surface = driver.surface
+        self._constants = Constants(
+            robot.geometry(), robot.dynamic_parameters(), driver.actuation.constants(),
+            np.array(driver.coulomb), np.array(driver.viscous),
+        )  # fmt: skip
+        # Direct drive without friction is common, and the time of a call into a kernel counts.
+        self._direct = driver.servo_gain is None and not any((*driver.coulomb, *driver.viscous))
+        self._steps = max(1, int(np.ceil(begin.period / driver.substep - 1e-9)))
+        self._world = World(robot, begin.period / self._steps)
+        self._world.place(begin.joint_position)
+        self._contact = (EngineContact if driver.contact == "engine" else ExplicitContact)(self._world, driver.surface)
+        self._sight = self._look()
+        self._torque: Array | None = None
+
+    def measure(self, disturbance: Nudge) -> Measurement:
+        """Return joint positions and the wrench the robot exerts."""
+        force = self._force(disturbance)
+        if self._torque is None:
+            self._torque = self._sight.gravity + self._sight.jacobian.T @ force
+        return Measurement(self._sight.joint_position, planar_wrench(force), self._torque)
+
+    def advance(self, command: Command, disturbance: Nudge) -> None:
+        """Step the engine through one period with the command held."""
+        surface = surface_now(self._surface, disturbance)
+        for i in range(self._steps):
+            now = moved(surface, i * self._world.step_size) if surface.velocity else surface
+            sight = self._sight
+            motor, net = self._drive(command, disturbance.joint_friction_scale)
+            self._contact.apply(now, sight.position, sight.velocity, disturbance.tip_force)
+            self._world.step(net)
+            self._sight, self._torque = self._look(), motor
+
+    def _drive(self, command: Command, friction_scale: float) -> tuple[Array, Array]:
+        """Return the motors' torque and what is left of it behind the joints' friction."""
+        if self._direct:
+            return command.torque, command.torque
+        return joint_torque(self._constants, self._sight, friction_scale, command.torque, command.position)
+
+    def hold(self) -> Command:
+        """Return the command that holds the arm where it is."""
+        torque = self._torque
+        assert torque is not None, "measure() comes first"
+        sight = self._sight
+        return Command(torque, holding_position(torque, sight.joint_position, self._constants.servo, sight.gravity))
+
+    def truth(self, disturbance: Nudge) -> Truth:
+        """Return the true state."""
+        sight = self._sight
+        place = self._surface.position + disturbance.surface_offset
+        wrench = planar_wrench(self._force(disturbance))
+        return Truth(sight.joint_position, sight.joint_velocity, sight.position, sight.velocity, wrench, place)
+
+    def _look(self) -> Sight:
+        return look(self._constants, *self._world.joints())
+
+    def _force(self, disturbance: Nudge) -> Array:
+        surface = surface_now(self._surface, disturbance)
+        return self._contact.force(surface, self._sight.position, self._sight.velocity) + disturbance.tip_force
+
+    def close(self) -> None:
+        """Disconnect from the engine."""
+        self._world.close()
+
+
+@kernel
+def look(c: Constants, q: Array, rate: Array) -> Sight:
+    """Return what follows from the joints' state (2,) rad, (2,) rad/s."""
+    at = kinematics(c.geometry, q, rate)
+    # The nominal parameters have no friction: what is left of the regressor's constant part is gravity.
+    return Sight(q, rate, at.position, at.velocity, np.dot(at.regressor[0], c.dynamics), at.jacobian)
+
+
+@kernel
+def joint_torque(
+    c: Constants, sight: Sight, friction_scale: float, torque: Array, reference: Array
+) -> tuple[Array, Array]:
+    """Return the motors' torque (2,) N m, and what is left of it behind the joints' friction."""
+    rate = sight.joint_velocity
+    motor = motor_torque(c.servo, torque, reference, sight.joint_position, rate, sight.gravity)
+    return motor, motor - joint_friction(c.coulomb, c.viscous, friction_scale, rate)

@@ -1,0 +1,70 @@
+"""Fixtures for all tests: one that fails a test which leaves a process, a thread or a socket folder behind."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+sys.path.insert(0, str(Path(__file__).parent))  # for `builders` and `rods`: tests are imported without a package
+
+# The first call of a kernel compiles it: an example may take seconds.
+settings.register_profile("hilrig", deadline=None)
+settings.load_profile("hilrig")
+
+PATIENCE = 3.0
+"""s that a process or thread is given to be gone after its test"""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def temporary_root() -> Iterator[Path]:
+    """Give this session a temporary folder of its own, inherited by its children; its name marks what they leave."""
+    before = os.environ.get("TMPDIR")
+    root = Path(tempfile.mkdtemp(prefix="ht-"))
+    os.environ["TMPDIR"], tempfile.tempdir = str(root), None
+    yield root
+    if before is None:
+        del os.environ["TMPDIR"]
+    else:
+        os.environ["TMPDIR"] = before
+    tempfile.tempdir = None
+    shutil.rmtree(root, ignore_errors=True)
+
+
+@pytest.fixture(autouse=True)
+def nothing_left_behind(temporary_root: Path) -> Iterator[None]:
+    """Fail a test after which there are processes, threads or socket folders that were not there before."""
+    before = leftovers(temporary_root)
+    yield
+    deadline = time.monotonic() + PATIENCE
+    while (left := leftovers(temporary_root) - before) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not left, f"left behind: {', '.join(sorted(left))}"
+
+
+def leftovers(root: Path) -> set[str]:
+    """Return, in words, every living thread, child process, process of the rig, and socket folder."""
+    threads = {f"thread {thread.name} ({thread.ident})" for thread in threading.enumerate()}
+    sockets = {f"folder {path}" for path in root.glob("hilrig-*")}
+    return threads | sockets | set(_processes(root))
+
+
+def _processes(root: Path) -> Iterator[str]:
+    """Children of this process, and processes anywhere that were told of this session's temporary folder."""
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            command = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace").strip()
+            parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
+        except OSError:
+            continue  # gone in the meantime
+        helper = "multiprocessing.resource_tracker" in command  # lives as long as this process, by design
+        if not helper and (parent == os.getpid() or str(root) in command):
+            yield f"process {entry.name} ({command[:120]})"

@@ -1,0 +1,117 @@
+"""The program as a user runs it: the real processes over the real bus."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+PROJECT = Path(__file__).parents[2]
+
+EXPERIMENT = """
+hilrig: 1
+name: {name}
+question: Does the rig work?
+clock: {clock}
+driver:
+  kind: {driver}
+  robot: {{kind: planar_2r, lengths: [0.345 m, 0.2 m], masses: [1.8 kg, 1.1 kg], gravity: [-9.81, 0]}}
+  surface: {{position: 0.35 m, stiffness: 800 N/m, damping: 20 N*s/m, friction: 0.2}}
+task:
+  force_axes: [z]
+  velocity_cutoff: 60 Hz
+  impedance: {{inertia: [3, 6], damping: [30, 60], stiffness: [250, 0]}}
+phases:
+  - name: only
+    duration: {duration} s
+    position: {{kind: sine, amplitude: 0.1 m, frequency: 1 rad/s}}
+    force: {{kind: hold, value: 3.5 N}}
+conditions:
+  noisy: [{{kind: sensor_noise, force: 0.05 N, joint: 2e-5 rad}}]
+controllers:
+  {controllers}
+{more}
+"""
+
+
+@pytest.fixture
+def experiment(tmp_path: Path) -> Callable[..., Path]:
+    """Write an experiment file and return its path."""
+
+    def write(
+        *, name: str = "small", clock: str = "lockstep", driver: str = "two_link", duration: float = 0.5,
+        controllers: str = "pd: {kind: pd}", more: str = "",
+    ) -> Path:  # fmt: skip
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(
+            EXPERIMENT.format(
+                name=name, clock=clock, driver=driver, duration=duration, controllers=controllers, more=more
+            )
+        )
+        return path
+
+    return write
+
+
+@pytest.fixture
+def hilrig(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run the program in a directory of its own, with no terminal, and return what it did."""
+
+    def call(*arguments: str | Path, timeout: float = 120.0) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "hilrig", *map(str, arguments)],
+            cwd=tmp_path, capture_output=True, text=True, timeout=timeout, check=False,
+        )  # fmt: skip
+
+    return call
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Start the program and return the process; whatever is left of it is killed at the end."""
+    started: list[subprocess.Popen[str]] = []
+
+    def call(*arguments: str | Path) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "hilrig", *map(str, arguments)],
+            cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        started.append(process)
+        return process
+
+    yield call
+    for process in started:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+def rig_processes(under: Path) -> dict[str, psutil.Process]:
+    """Return the rig's processes that work in a run below `under`: role -> process."""
+    found: dict[str, psutil.Process] = {}
+    for process in psutil.process_iter():
+        try:
+            line = process.cmdline()
+        except psutil.Error:
+            continue
+        if any(str(under) in word for word in line) and process.status() != psutil.STATUS_ZOMBIE:
+            for word in line:
+                if word.startswith("hilrig.rig."):
+                    found[word.removeprefix("hilrig.rig.").removesuffix("_process")] = process
+    return found
+
+
+def only_run(under: Path) -> Path:
+    """Return the one run directory below `under`/runs."""
+    (run,) = (under / "runs").iterdir()
+    return run
+
+
+def socket_directories() -> set[str]:
+    """Return the directories with the bus's sockets that exist now."""
+    return {name for name in os.listdir("/tmp") if name.startswith("hilrig-")}

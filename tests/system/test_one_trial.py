@@ -1,0 +1,104 @@
+"""One trial, three ways: over the bus, over the bus again, and in one process."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hilrig.recording.bag import read_bag
+
+CHANNELS = ("state", "truth", "command", "internals")
+
+
+def bag_of(run: Path) -> dict[str, dict[str, np.ndarray]]:
+    (trial,) = (run / "trials").iterdir()
+    return read_bag(trial / "bag.mcap")
+
+
+def run_once(hilrig, file: Path, out: Path, *options: str) -> Path:
+    done = hilrig("run", file, "--no-report", "--out", out, *options)
+    assert done.returncode == 0, done.stderr
+    (run,) = out.iterdir()
+    return run
+
+
+@pytest.mark.parametrize("driver", ["two_link", "pybullet_arm"])
+def test_the_same_bits_on_the_bus_twice_and_in_one_process(hilrig, experiment, tmp_path: Path, driver: str) -> None:
+    file = experiment(driver=driver, duration=0.4, controllers="proposed: {kind: tde_sliding_mode}")
+    runs = [
+        run_once(hilrig, file, tmp_path / "first"),
+        run_once(hilrig, file, tmp_path / "second"),
+        run_once(hilrig, file, tmp_path / "third", "--in-process"),
+    ]
+    first, second, third = map(bag_of, runs)
+    for channel in CHANNELS:
+        assert first[channel]["tick"].tolist() == list(range(400))
+        for field, values in first[channel].items():
+            np.testing.assert_array_equal(values.view(np.uint64), second[channel][field].view(np.uint64))
+            np.testing.assert_array_equal(values.view(np.uint64), third[channel][field].view(np.uint64))
+
+
+def test_every_message_is_accounted_for(hilrig, experiment, tmp_path: Path) -> None:
+    run = run_once(hilrig, experiment(), tmp_path / "runs")
+    outcome = json.loads(next((run / "trials").glob("*/outcome.json")).read_text())
+    assert outcome["outcome"] == "completed"
+    for channel in CHANNELS:
+        account = outcome["channels"][channel]
+        assert (account["sent"], account["stored"], account["lost"], account["gaps"]) == (500, 500, 0, [])
+    assert all(account["lost"] == 0 for account in outcome["channels"].values())
+
+
+def test_the_delay_of_the_command_is_what_the_experiment_says(hilrig, experiment, tmp_path: Path) -> None:
+    """With torque actuation the torque in effect up to tick k is the command of tick k - 1 - delay."""
+    for delay in (0, 1, 3):
+        run = run_once(hilrig, experiment(more=f"actuation_delay: {delay}"), tmp_path / f"delay{delay}")
+        bag = bag_of(run)
+        applied, commanded = bag["state"]["applied_torque"], bag["command"]["torque"]
+        np.testing.assert_array_equal(applied[1 + delay :], commanded[: 500 - 1 - delay])
+        assert (np.ptp(applied[: 1 + delay], axis=0) == 0).all()
+
+
+def test_real_time_counts_the_ticks_whose_command_was_late(hilrig, experiment, tmp_path: Path) -> None:
+    (tmp_path / "slow.py").write_text(SLOW)
+    file = experiment(clock="realtime", duration=1.0, controllers="slow: {kind: ./slow.py}")
+    run = run_once(hilrig, file, tmp_path / "runs")
+    timing = json.loads(next((run / "trials").glob("*/timing.json")).read_text())
+    bag = bag_of(run)
+    assert timing["clock"] == "realtime"
+    assert timing["ticks"] == 1000
+    # The controller sleeps 5 ms in every tenth tick: every such sleep makes at least three ticks late.
+    assert timing["late"] >= 3 * np.count_nonzero(bag["command"]["tick"] % 10 == 0) > 0
+    assert timing["late"] == np.count_nonzero(bag["driver_timing"]["late"])
+    # What the controller skipped is a gap in its own channels, and none of it was lost on the way.
+    outcome = json.loads(next((run / "trials").glob("*/outcome.json")).read_text())
+    assert outcome["channels"]["command"]["gap_count"] > 0
+    assert outcome["channels"]["command"]["lost"] == 0
+
+
+SLOW = '''
+"""A controller that is late now and then."""
+import time
+from dataclasses import dataclass
+from typing import NamedTuple
+import numpy as np
+from hilrig.interfaces import Law
+
+class Memory(NamedTuple):
+    count: np.ndarray
+
+@dataclass(frozen=True)
+class Slow:
+    """Holds the torque it finds; sleeps 5 ms in every tenth call."""
+
+    def start(self, task, state):
+        return Law(self.step, state.torque.copy(), Memory(np.zeros(1)))
+
+    def step(self, torque, memory, state, reference):
+        if memory.count[0] % 10 == 0:
+            time.sleep(0.005)
+        memory.count[0] += 1
+        return torque
+'''

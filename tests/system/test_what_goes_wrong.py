@@ -1,0 +1,182 @@
+"""Processes that die, hang, raise or trip: the outcome says so, the bag is readable, nothing is left behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hilrig.recording.bag import read_bag
+from tests.system.conftest import only_run, rig_processes, socket_directories
+
+LONG = 600.0
+
+
+def outcome_of(run: Path) -> dict[str, Any]:
+    return json.loads(next((run / "trials").glob("*/outcome.json")).read_text())
+
+
+def wait_for(condition, timeout: float = 60.0) -> Any:
+    """Return the first true value of `condition`."""
+    deadline = time.monotonic() + timeout
+    while time.monotonic() < deadline:
+        if value := condition():
+            return value
+        time.sleep(0.02)
+    pytest.fail(f"{condition} did not come true in {timeout} s")
+
+
+def under_way(tmp_path: Path):
+    """Return a condition: the trial runs, with something in its bag."""
+
+    def condition() -> bool:
+        bags = list((tmp_path / "runs").glob("*/trials/*/bag.mcap"))
+        return bool(bags) and bags[0].stat().st_size > 200_000
+
+    return condition
+
+
+@pytest.fixture(autouse=True)
+def _nothing_left(tmp_path: Path):
+    before = socket_directories()
+    yield
+    wait_for(lambda: not rig_processes(tmp_path), 15.0)
+    wait_for(lambda: socket_directories() <= before, 15.0)
+
+
+@pytest.mark.parametrize("role", ["controller", "driver", "logger"])
+def test_a_killed_process_fails_the_trial(start, experiment, tmp_path: Path, role: str) -> None:
+    program = start("run", experiment(duration=LONG), "--no-report")
+    wait_for(under_way(tmp_path))
+    rig_processes(tmp_path)[role].kill()
+    _, stderr = program.communicate(timeout=60)
+    assert program.returncode == 1
+    outcome = outcome_of(only_run(tmp_path))
+    assert outcome["outcome"] == "failed"
+    assert f"the {role} process was killed by SIGKILL" in outcome["reason"]
+    assert outcome["reason"] in stderr.replace("\n", "")
+    bag = read_bag(next(only_run(tmp_path).glob("trials/*/bag.mcap")))
+    assert len(bag["state"]["tick"]) > 100
+
+
+def test_ctrl_c_ends_the_trial_in_flight_cleanly(start, experiment, tmp_path: Path) -> None:
+    program = start("run", experiment(duration=LONG), "--no-report")
+    wait_for(under_way(tmp_path))
+    program.send_signal(signal.SIGINT)
+    program.communicate(timeout=60)
+    assert program.returncode == 130
+    outcome = outcome_of(only_run(tmp_path))
+    assert outcome["outcome"] == "aborted"
+    assert all(account["lost"] == 0 for account in outcome["channels"].values())
+    bag = read_bag(next(only_run(tmp_path).glob("trials/*/bag.mcap")))
+    assert len(bag["state"]["tick"]) == outcome["ticks"] > 100
+
+
+def test_ctrl_c_before_the_trial_has_begun(start, experiment, tmp_path: Path) -> None:
+    program = start("run", experiment(duration=LONG), "--no-report")
+    wait_for(lambda: len(rig_processes(tmp_path)) == 3)
+    program.send_signal(signal.SIGINT)
+    program.communicate(timeout=60)
+    assert program.returncode == 130
+    assert outcome_of(only_run(tmp_path))["outcome"] == "aborted"
+
+
+def test_a_killed_supervisor_leaves_no_process(start, experiment, tmp_path: Path) -> None:
+    program = start("run", experiment(duration=LONG), "--no-report")
+    wait_for(under_way(tmp_path))
+    os.kill(program.pid, signal.SIGKILL)
+    wait_for(lambda: not rig_processes(tmp_path), 15.0)
+    bag = read_bag(next(only_run(tmp_path).glob("trials/*/bag.mcap")))
+    assert len(bag["state"]["tick"]) > 100
+
+
+def test_a_stopped_controller_is_noticed(start, experiment, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv("HILRIG_SILENCE_TIMEOUT", "2")
+    program = start("run", experiment(duration=LONG), "--no-report")
+    wait_for(under_way(tmp_path))
+    rig_processes(tmp_path)["controller"].send_signal(signal.SIGSTOP)
+    program.communicate(timeout=60)
+    assert program.returncode == 1
+    outcome = outcome_of(only_run(tmp_path))
+    assert outcome["outcome"] == "timed_out"
+    assert "no progress for 2 s" in outcome["reason"]
+
+
+LAW = '''
+"""A controller with a fault."""
+import time
+from dataclasses import dataclass
+from typing import NamedTuple
+import numpy as np
+from hilrig.interfaces import Law
+
+class Memory(NamedTuple):
+    count: np.ndarray
+
+@dataclass(frozen=True)
+class Faulty:
+    """{what}"""
+
+    def start(self, task, state):
+        {start}
+        return Law(self.step, state.torque.copy(), Memory(np.zeros(1)))
+
+    def step(self, torque, memory, state, reference):
+        memory.count[0] += 1
+        if memory.count[0] > 200:
+            {step}
+        return torque
+'''
+
+
+def faulty(tmp_path: Path, what: str, step: str, start: str = "pass") -> str:
+    (tmp_path / "faulty.py").write_text(LAW.format(what=what, step=step, start=start))
+    return "faulty: {kind: ./faulty.py}"
+
+
+@pytest.mark.parametrize(
+    ("step", "outcome", "words"),
+    [
+        ("raise RuntimeError('no idea')", "failed", "controller: RuntimeError: no idea at faulty.py:"),
+        ("return torque * np.nan", "tripped", "the torque of controller 'faulty' is not finite"),
+        ("return torque + [100.0, 0.0]", "tripped", "over the limit of"),
+    ],
+)
+def test_a_faulty_law(hilrig, experiment, tmp_path: Path, step: str, outcome: str, words: str) -> None:
+    controllers = faulty(tmp_path, "Goes wrong after 200 ticks.", step)
+    done = hilrig("run", experiment(duration=5.0, controllers=controllers), "--no-report")
+    assert done.returncode == 1
+    result = outcome_of(only_run(tmp_path))
+    assert result["outcome"] == outcome
+    assert words in result["reason"]
+    assert "Traceback" not in done.stderr
+    bag = read_bag(next(only_run(tmp_path).glob("trials/*/bag.mcap")))
+    assert len(bag["command"]["tick"]) >= 200
+
+
+def test_a_process_that_never_gets_ready_is_named(hilrig, experiment, tmp_path: Path, monkeypatch) -> None:
+    """The plan starts the law once in the program itself, so the fault must wait for the controller's process."""
+    monkeypatch.setenv("HILRIG_READY_TIMEOUT", "6")
+    stuck = "time.sleep(1000 if 'controller_process' in str(__import__('sys').orig_argv) else 0)"
+    controllers = faulty(tmp_path, "Sleeps when started.", "pass", start=stuck)
+    done = hilrig("run", experiment(controllers=controllers), "--no-report")
+    assert done.returncode == 1
+    result = outcome_of(only_run(tmp_path))
+    assert result["outcome"] == "timed_out"
+    assert "not ready after 6 s" in result["reason"]
+    assert "controller" in result["reason"]
+
+
+def test_fail_fast_begins_no_further_trial(hilrig, experiment, tmp_path: Path) -> None:
+    controllers = faulty(tmp_path, "Raises.", "raise RuntimeError('no')") + "\n  pd: {kind: pd}"
+    done: subprocess.CompletedProcess[str] = hilrig(
+        "run", experiment(controllers=controllers), "--no-report", "--in-process", "--fail-fast"
+    )
+    assert done.returncode == 1
+    assert len(list(only_run(tmp_path).glob("trials/*"))) == 1

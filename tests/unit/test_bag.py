@@ -1,0 +1,130 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from hilrig.errors import RunDirectoryError
+from hilrig.messages.codec import Codec, definition, extended
+from hilrig.recording.bag import CHUNK_SIZE, BagWriter, read_bag
+
+PERIOD = 1e-3
+TICKS = 1500
+STATE = Codec(definition("State"), {"joint_position": 2, "wrench": 6, "applied_torque": 2})
+COMMON = [field.name for field in definition("Internals").fields if field.size == 0]
+INTERNALS = Codec(extended(definition("Internals"), {"gains": 3, "estimate": 2}), dict.fromkeys(COMMON, 2))
+
+
+def numbers(tick: int, *sizes: int) -> list[np.ndarray]:
+    rng = np.random.default_rng(tick)
+    return [rng.normal(size=size) for size in sizes]
+
+
+def state(tick: int) -> tuple:
+    return (tick, tick * PERIOD, *numbers(tick, 2, 6, 2))
+
+
+def internals(tick: int) -> tuple:
+    return (tick, tick * PERIOD, *numbers(tick, *[2] * len(COMMON), 3, 2))
+
+
+def write(path: Path) -> None:
+    with BagWriter(path) as bag:
+        bag.add_channel("state", STATE.definition)
+        bag.add_channel("internals", INTERNALS.definition)
+        for tick in range(TICKS):
+            bag.write("state", STATE.pack(state(tick)), tick, PERIOD)
+            bag.write("internals", INTERNALS.pack(internals(tick)), tick, PERIOD)
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("bag") / "bag.mcap"
+    write(path)
+    return path
+
+
+def test_what_was_written_is_read_back(bag: Path) -> None:
+    channels = read_bag(bag)
+    assert set(channels) == {"state", "internals"}
+    for tick in range(TICKS):
+        for name, expected in zip(("tick", "time", "joint_position", "wrench", "applied_torque"), state(tick), strict=True):
+            np.testing.assert_array_equal(channels["state"][name][tick], expected)
+    assert channels["state"]["wrench"].shape == (TICKS, 6)
+    assert channels["internals"]["gains"].shape == (TICKS, 3)
+    np.testing.assert_array_equal(channels["internals"]["estimate"][7], internals(7)[-1])
+
+
+@pytest.mark.parametrize("topic", ["state", "/state"])
+def test_topics_select_channels(bag: Path, topic: str) -> None:
+    assert set(read_bag(bag, [topic])) == {"state"}
+
+
+def test_the_same_messages_make_the_same_file(bag: Path, tmp_path: Path) -> None:
+    write(tmp_path / "again.mcap")
+    assert (tmp_path / "again.mcap").read_bytes() == bag.read_bytes()
+
+
+@settings(max_examples=150)
+@given(data=st.data())
+def test_a_bag_cut_anywhere_is_read_up_to_the_cut(bag: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+    """Whatever byte a crash stopped at, what is read is a true beginning, and at most the last chunk is missing."""
+    whole = bag.read_bytes()
+    size = data.draw(st.integers(0, len(whole)))
+    cut = tmp_path_factory.mktemp("cut") / "bag.mcap"
+    cut.write_bytes(whole[:size])
+    channels = read_bag(cut)
+    count = channels["state"]["tick"].size if channels else 0
+    message = STATE.size + INTERNALS.size + 100
+    # Compressed chunks are smaller than CHUNK_SIZE: what is on disk holds at least as many bytes of messages.
+    assert count * message >= size - 2 * CHUNK_SIZE or count == TICKS
+    if count:
+        np.testing.assert_array_equal(channels["state"]["tick"], np.arange(count))
+        np.testing.assert_array_equal(channels["state"]["wrench"][-1], state(count - 1)[3])
+
+
+def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RunDirectoryError, match="there is no such bag"):
+        read_bag(tmp_path / "none.mcap")
+    other = tmp_path / "other.mcap"
+    other.write_bytes(b"name,value\n1,2\n" * 100)
+    with pytest.raises(RunDirectoryError, match="not a readable MCAP file"):
+        read_bag(other)
+
+
+@pytest.mark.parametrize("name", ["DriverTiming", "ControllerTiming"])
+def test_timing_comes_out_one_row_per_tick(tmp_path: Path, name: str) -> None:
+    form = definition(name)
+    columns = [field.name for field in form.fields[1:]]
+    with BagWriter(tmp_path / "bag.mcap") as bag:
+        bag.add_channel("timing", form)
+        for first, count in ((0, 3), (3, 2)):
+            values = [np.arange(first, first + count, dtype=np.int64) + 10 * i for i in range(len(columns))]
+            bag.write("timing", Codec(form, dict.fromkeys(columns, count)).pack((first, *values)), first, PERIOD)
+    table = read_bag(tmp_path / "bag.mcap")["timing"]
+    for i, column in enumerate(columns):
+        np.testing.assert_array_equal(table[column], np.arange(5) + 10 * i)
+
+
+def test_rosbags_opens_and_decodes_the_bag(bag: Path) -> None:
+    """A reader that knows nothing of hilrig: topics, types and times from the file alone."""
+    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        assert {c.topic: c.msgtype for c in reader.connections} == {
+            "/state": "hilrig_msgs/msg/State", "/internals": "hilrig_msgs/msg/Internals",
+        }  # fmt: skip
+        seen = 0
+        for connection, time, payload in reader.messages():
+            message = reader.deserialize(payload, connection.msgtype)
+            tick = message.tick
+            assert time == tick * 1_000_000
+            if connection.topic == "/state":
+                np.testing.assert_array_equal(message.wrench, state(tick)[3])
+            else:
+                np.testing.assert_array_equal(message.gains, internals(tick)[-2])
+            seen += 1
+    assert seen == 2 * TICKS

@@ -1,0 +1,241 @@
+"""The four control laws against what they should be, written a second time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+from builders import (
+    FAR_AWAY,
+    PERIOD,
+    STILL,
+    arm,
+    begin,
+    impedance,
+    reference,
+    state,
+    task,
+    torque_command,
+    true_state,
+)
+from hilrig_drivers.two_link import TwoLink
+
+from hilrig.controllers import tde_sliding_mode
+from hilrig.controllers.adaptive import Adaptive
+from hilrig.controllers.pd import Pd
+from hilrig.controllers.sliding_mode import SlidingMode
+from hilrig.controllers.tde_sliding_mode import TdeSlidingMode
+from hilrig.impedance import POSITION_CLIP, VELOCITY_CLIP, model_torque
+from hilrig.interfaces import Controller, Impedance, Law
+from hilrig.signals import Array, Reference, State
+
+ARM = arm()
+Q = np.array([0.4, 1.3])
+STATES = task(ARM)._replace(impedance=impedance(reference_states=True))
+
+
+def run(law: Law, now: State, wanted: Reference) -> Array:
+    return law.step(law.parameters, law.memory, now, wanted)
+
+
+# ---------------------------------------------------------------- proposed
+
+
+def test_p_solves_the_lyapunov_equation() -> None:
+    c = TdeSlidingMode(position_gain=150.0, velocity_gain=30.0).start(task(ARM), state(ARM, Q, np.zeros(2))).parameters
+    a = np.array([[0.0, 1.0], [-150.0, -30.0]])
+    p = scipy.linalg.solve_continuous_lyapunov(a.T, -np.eye(2))
+    np.testing.assert_allclose([c.p12, c.p22], p[1], rtol=1e-10)
+
+
+@pytest.mark.parametrize("norm", [0.0, 0.4])
+def test_gains_follow_their_closed_form_down_to_the_floor(norm: float) -> None:
+    """alpha_2 = sqrt(1 - 2t) reaches 0.5 at 0.375 s; alpha_3 = sqrt(1 - 2 |xi| t)."""
+    c = TdeSlidingMode().start(task(ARM), state(ARM, Q, np.zeros(2))).parameters
+    gains, xi = np.array([0.01, 1.0, 1.0]), np.array([0.6 * norm, 0.8 * norm])
+    floor_reached = None
+    for k in range(1, 1201):
+        tde_sliding_mode.adapt(c, gains, xi, xi)
+        t = k * PERIOD
+        assert gains[1] == pytest.approx(max(np.sqrt(max(1 - 2 * t, 0)), 0.5), abs=2e-3)
+        assert gains[2] == pytest.approx(max(np.sqrt(max(1 - 2 * norm * t, 0)), 0.5), abs=2e-3)
+        floor_reached = floor_reached or (t if gains[1] == 0.5 else None)
+    assert floor_reached == pytest.approx(0.375, abs=2e-3)
+
+
+def tde_again(s: dict, now: State, wanted: Reference, desired: Impedance) -> Array:
+    """One step of the proposed law in plain NumPy, written from the equations; `s` holds what it remembers."""
+    l, kp, kd, mhat = PERIOD, 150.0, 30.0, 0.03
+    sigma = np.diag(desired.sigma)
+    drive = -desired.damping * (now.velocity - sigma @ wanted.velocity) - desired.stiffness * (sigma @ (now.position - wanted.position))
+    drive += (np.eye(2) - sigma) @ wanted.force - now.force
+    a_d = drive / desired.inertia + sigma @ wanted.acceleration
+    s["v"] = np.clip(s["v"] + l * a_d, now.velocity - 0.1, now.velocity + 0.1)
+    s["p"] = np.clip(s["p"] + l * s["v"], now.position - 0.02, now.position + 0.02)
+    e, e_rate = s["p"] - now.position, s["v"] - now.velocity
+    xi = e / (2 * kp) + (1 + 1 / kp) / (2 * kd) * e_rate
+    n, growing = np.linalg.norm(xi), xi @ (xi - s["xi"]) > 0
+    a1, a2, a3 = s["alpha"]
+    rises = a1 <= 0.005 or (growing and a2 > 0.5 and a3 > 0.5)
+    new_1 = a1 + l * n if rises else max(a1 - l * n, 0.0)
+    new_3 = max(a3 - l * n / a3, 0.5) if a3 > 0.5 else a3
+    new_2 = max(a2 - l / a2, 0.5) if a2 > 0.5 else a2
+    s["alpha"], s["xi"] = np.array([new_1, new_2, new_3]), xi
+    u = a_d + kd * e_rate + kp * e + 1.1 * s["alpha"].sum() * np.tanh(xi / 0.01)
+    before = np.linalg.inv(now.jacobian).T @ now.torque - mhat * (now.velocity - s["xd"]) / l
+    s["xd"] = now.velocity
+    return now.jacobian.T @ (mhat * u + before)
+
+
+def test_step_is_the_law_written_again() -> None:
+    rng = np.random.default_rng(3)
+    start = state(ARM, Q, np.zeros(2), torque=np.array([1.0, 2.0]))
+    law = TdeSlidingMode().start(task(ARM), start)
+    again = {"p": start.position, "v": np.zeros(2), "xi": np.zeros(2), "alpha": np.array([0.01, 1, 1]), "xd": np.zeros(2)}
+    for _ in range(800):
+        now = state(ARM, Q + rng.normal(size=2, scale=0.02), rng.normal(size=2, scale=0.1), rng.normal(size=2), rng.normal(size=2))
+        wanted = Reference(*rng.normal(size=(4, 2), scale=0.3))
+        expected = tde_again(again, now, wanted, impedance())
+        np.testing.assert_allclose(run(law, now, wanted), expected, rtol=1e-8, atol=1e-9)
+        np.testing.assert_allclose(law.memory.gains, again["alpha"], rtol=1e-12)
+    assert law.memory.gains[1] == 0.5, "the walk passed through the whole adaptation"
+
+
+# ---------------------------------------------------------------- adaptive and sliding mode
+
+
+def joint_error(law_s: Array, jacobian: Array) -> Array:
+    return np.linalg.solve(jacobian, law_s)
+
+
+def swing(controller: Controller, period: float, steps: int, horizontal: bool = True) -> list[tuple[State, Law]]:
+    """Let the law move the arm in free space with exact velocities; return the state and law of every tick (law live)."""
+    robot = arm(gravity=(0.0, 0.0)) if horizontal else ARM
+    plant = begin(TwoLink(robot, FAR_AWAY, substep=period), Q, period)
+    start = state(robot, Q, np.zeros(2))
+    law = controller.start(task(robot, period=period, impedance=STATES.impedance), start)
+    wanted = reference(position=start.position + np.array([0.015, 0.0]), force=np.array([0.0, 0.5]))
+    seen = []
+    for _ in range(steps):
+        true = true_state(plant)
+        now = state(robot, true.joint_position, true.joint_velocity)
+        torque = run(law, now, wanted)
+        seen.append((now, Law(law.step, law.parameters, type(law.memory)(*(np.copy(part) for part in law.memory)))))
+        plant.advance(torque_command(torque), STILL)
+    return seen
+
+
+def test_adaptive_lyapunov_function_does_not_rise() -> None:
+    """V = s_q' M s_q / 2 + |theta - estimate|^2 / (2 gamma), with s_q = J^-1 s, in nearly continuous time."""
+    robot, values = arm(gravity=(0.0, 0.0)), []
+    theta = robot.dynamic_parameters()
+    for now, law in swing(Adaptive(slope=10.0, gain=50.0, rate=2.0), 1e-4, 4000):
+        assert np.abs(law.memory.tracking_error).max() < 0.9 * POSITION_CLIP, "a clip would break the premise"
+        assert np.abs(law.memory.filter_velocity - now.velocity).max() < 0.9 * VELOCITY_CLIP
+        s_q = joint_error(law.memory.sliding_variable, now.jacobian)
+        matrix = (now.regressor[3:] @ theta).T
+        values.append(0.5 * s_q @ matrix @ s_q + np.sum((theta - law.memory.parameter_estimate) ** 2) / 4.0)
+    kinetic = values[0] - np.sum(theta**2) / 4.0
+    assert kinetic < 1e-6 * values[0], "it starts at rest with nothing learnt"
+    fall = values[0] - values[-1]
+    assert fall > 0
+    assert np.diff(values).max() < 0.01 * fall / len(values), "it falls, but for the error of the sampling"
+
+
+def test_adaptive_estimate_moves_by_gamma_y_transposed_s() -> None:
+    start = state(ARM, Q, np.array([0.01, -0.02]), torque=np.zeros(2))
+    law = Adaptive(slope=20.0, gain=100.0, rate=0.7).start(STATES, start)
+    wanted = reference(position=start.position + np.array([0.01, 0.0]), force=np.array([0.0, 1.0]))
+    torque = run(law, start, wanted)
+    p, v = law.memory.filter_position, law.memory.filter_velocity
+    a_d = (v - start.velocity) / PERIOD
+    s = v - start.velocity + 20.0 * (p - start.position)
+    inverse = np.linalg.inv(start.jacobian)
+    joint_v = inverse @ (v + 20.0 * (p - start.position))
+    joint_a = inverse @ (a_d + 20.0 * (v - start.velocity) - start.jacobian_rate @ joint_v)
+    y = sum(c * part for c, part in zip([1.0, *joint_v, *joint_a], start.regressor, strict=True))
+    estimate = PERIOD * 0.7 * y.T @ inverse @ s
+    np.testing.assert_allclose(law.memory.sliding_variable, s, rtol=1e-12)
+    np.testing.assert_allclose(law.memory.parameter_estimate, estimate, rtol=1e-9)
+    np.testing.assert_allclose(torque, y @ estimate + start.jacobian.T @ (100.0 * s), rtol=1e-9)
+
+
+def test_sliding_mode_reaches_its_surface_on_the_nominal_plant() -> None:
+    """With the nominal parameters exact, s' M_x s / 2 falls at all times and s comes to rest at zero."""
+    seen = swing(SlidingMode(slope=20.0, gain=2.0, boundary=0.05), 1e-4, 6000, horizontal=False)
+    theta, energies = ARM.dynamic_parameters(), []
+    for now, law in seen:
+        s_q = joint_error(law.memory.sliding_variable, now.jacobian)
+        energies.append(s_q @ (now.regressor[3:] @ theta).T @ s_q)
+    assert max(energies) > 0
+    assert energies[-1] < 1e-3 * max(energies)
+    assert np.abs(seen[-1][1].memory.tracking_error).max() < 1e-4
+
+
+@pytest.mark.parametrize(("switching", "expected"), [("sign", (10.0, -4.0)), ("sat", (5.0, -4.0))])
+def test_switching_force_is_sign_or_saturation(switching: str, expected: tuple[float, float]) -> None:
+    """s = (0.05, -0.2) m/s with phi = 0.1 m/s and K = (10, 4) N."""
+    start = state(ARM, Q, np.zeros(2))
+    law = SlidingMode(slope=10.0, gain=(10.0, 4.0), boundary=0.1, switching=switching).start(STATES, start)
+    law.memory.filter_position[:] += [0.005, -0.02]
+    run(law, start, reference(position=law.memory.filter_position.copy()))
+    s = law.memory.sliding_variable
+    level = np.clip(s / 0.1, -1, 1) if switching == "sat" else np.sign(s)
+    np.testing.assert_allclose(law.memory.switching_force, level * [10.0, 4.0], rtol=1e-12)
+    np.testing.assert_allclose(law.memory.switching_force, expected, rtol=0.02)
+
+
+def test_sliding_mode_is_the_model_plus_the_switching_force() -> None:
+    start = state(ARM, Q, np.array([0.1, -0.3]), np.array([0.4, 1.0]))
+    law = SlidingMode(slope=20.0, nominal_scale=1.3).start(STATES, start)
+    wanted = reference(position=start.position + np.array([0.01, 0.0]), force=np.array([0.0, 1.0]))
+    torque = run(law, start, wanted)
+    p, v = law.memory.filter_position, law.memory.filter_velocity
+    a_d, inverse = (v - start.velocity) / PERIOD, np.linalg.inv(start.jacobian)
+    joint_v = inverse @ (v + 20.0 * (p - start.position))
+    joint_a = inverse @ (a_d + 20.0 * (v - start.velocity) - start.jacobian_rate @ joint_v)
+    model = model_torque(start.regressor, joint_v, joint_a, 1.3 * ARM.dynamic_parameters())
+    expected = model + start.jacobian.T @ (start.force + law.memory.switching_force)
+    np.testing.assert_allclose(torque, expected, rtol=1e-9)
+
+
+# ---------------------------------------------------------------- PD
+
+
+@pytest.mark.parametrize("gravity", ["model", "start"])
+def test_pd_holds_the_arm_where_it_is(gravity: str) -> None:
+    """Nothing is asked for and nothing touches the arm: the torque is its weight, in both ways of knowing it."""
+    plant = begin(TwoLink(ARM, FAR_AWAY), Q)
+    weight = plant.hold().torque
+    start = state(ARM, Q, np.zeros(2), torque=weight)
+    law = Pd(gravity=gravity).start(task(ARM), start)
+    np.testing.assert_allclose(run(law, start, reference(position=start.position)), weight, rtol=1e-12)
+
+
+def test_pd_from_the_start_torque_leaves_out_the_contact() -> None:
+    """The torque that holds the arm in contact is weight plus J^T F; only the weight is kept."""
+    force = np.array([0.0, 2.0])
+    weight = ARM.kinematics(Q, np.zeros(2)).regressor[0] @ ARM.dynamic_parameters()
+    start = state(ARM, Q, np.zeros(2), force, weight + ARM.kinematics(Q, np.zeros(2)).jacobian.T @ force)
+    law = Pd(gravity="start").start(task(ARM), start)
+    np.testing.assert_allclose(law.parameters.start_torque, weight, rtol=1e-12)
+
+
+def test_pd_direct_is_its_formula() -> None:
+    now = state(ARM, Q, np.array([0.1, -0.2]), np.array([0.5, 2.0]))
+    wanted = reference(position=now.position + np.array([0.01, 9.0]), velocity=np.array([0.3, 9.0]), force=np.array([9.0, 3.5]))
+    law = Pd(stiffness=500.0, damping=40.0, force_gain=2.0, target="direct").start(task(ARM), now)
+    run(law, now, wanted)
+    along_x = 500.0 * 0.01 + 40.0 * (0.3 - now.velocity[0])
+    along_z = 3.5 + 2.0 * (3.5 - 2.0) - 40.0 * now.velocity[1]
+    np.testing.assert_allclose(law.memory.task_force, [along_x, along_z], rtol=1e-10)
+
+
+def test_pd_on_the_filter_is_its_formula() -> None:
+    now = state(ARM, Q, np.array([0.1, -0.2]), np.array([0.5, 2.0]))
+    law = Pd(stiffness=500.0, damping=40.0).start(task(ARM), now)
+    torque = run(law, now, reference(position=now.position + np.array([0.01, 0.0])))
+    p, v = law.memory.filter_position, law.memory.filter_velocity
+    force = 500.0 * (p - now.position) + 40.0 * (v - now.velocity)
+    weight = now.regressor[0, :, :5] @ ARM.dynamic_parameters()[:5]
+    np.testing.assert_allclose(torque, weight + now.jacobian.T @ force, rtol=1e-9)

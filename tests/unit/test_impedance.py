@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from builders import arm, impedance, reference, state
+
+from hilrig.impedance import (
+    POSITION_CLIP,
+    VELOCITY_CLIP,
+    advance_filter,
+    desired_acceleration,
+    joint_torque,
+    model_torque,
+    task_force,
+)
+from hilrig.interfaces import Impedance
+from hilrig.signals import State
+
+PERIOD = 1e-3
+HERE = np.array([0.3, 1.2])
+
+
+def resting(force: tuple[float, float] = (0.0, 0.0)) -> State:
+    return state(arm(), HERE, np.zeros(2), np.array(force))
+
+
+def test_desired_acceleration_is_equation_4() -> None:
+    """Both axes of the equation, written out by hand."""
+    desired = Impedance(np.array([1.0, 0.0]), np.array([3.0, 6.0]), np.array([30.0, 60.0]), np.array([250.0, 99.0]), False)
+    wanted = reference(
+        position=np.array([0.2, 7.0]), velocity=np.array([0.5, 7.0]), acceleration=np.array([0.9, 7.0]), force=np.array([7.0, 3.5])
+    )
+    got = desired_acceleration(desired, np.array([0.1, 0.35]), np.array([0.4, -0.2]), np.array([1.5, 2.0]), wanted)
+    along_x = (-30 * (0.4 - 0.5) - 250 * (0.1 - 0.2) - 1.5) / 3 + 0.9
+    along_z = (-60 * -0.2 + 3.5 - 2.0) / 6
+    np.testing.assert_allclose(got, [along_x, along_z], rtol=1e-13)
+
+
+def test_measured_states_use_the_measurement() -> None:
+    now = state(arm(), HERE, np.array([0.05, -0.04]), np.array([0.3, 1.0]))
+    wanted = reference(position=np.array([0.1, 0.0]), force=np.array([0.0, 3.5]))
+    place, speed = now.position + 0.003, now.velocity - 0.02
+    old_place, old_speed = place.copy(), speed.copy()
+    a_d = advance_filter(impedance(), PERIOD, place, speed, now, wanted)
+    np.testing.assert_allclose(a_d, desired_acceleration(impedance(), now.position, now.velocity, now.force, wanted))
+    np.testing.assert_allclose(speed, old_speed + PERIOD * a_d, rtol=1e-13)
+    np.testing.assert_allclose(place, old_place + PERIOD * speed, rtol=1e-13)
+
+
+def test_reference_states_follow_the_second_order_system() -> None:
+    """M_d e'' + B_d e' + K_d e = 0 in closed form, the measured state standing still."""
+    now, step = resting(), 0.01
+    wanted = reference(position=now.position + np.array([step, 0.0]))
+    place, speed = now.position.copy(), np.zeros(2)
+    decay, natural = 30.0 / (2 * 3.0), np.sqrt(250.0 / 3.0)
+    damped = np.sqrt(natural**2 - decay**2)
+    period = 1e-4
+    for k in range(1, 10001):
+        advance_filter(impedance(reference_states=True), period, place, speed, now, wanted)
+        t = k * period
+        left = np.exp(-decay * t) * (np.cos(damped * t) + decay / damped * np.sin(damped * t))
+        assert place[0] - now.position[0] == pytest.approx(step * (1 - left), abs=2e-5)
+    assert place[0] - now.position[0] == pytest.approx(step, rel=0.01)
+
+
+def test_reference_states_yield_to_a_force_until_it_is_the_desired_one() -> None:
+    """In a force axis v_d tends to (F_d - F) / B_d: M v' + B v = F_d - F."""
+    now = resting((0.0, 2.0))
+    wanted = reference(position=now.position, force=np.array([0.0, 3.5]))
+    place, speed = now.position.copy(), np.zeros(2)
+    for k in range(1, 201):
+        advance_filter(impedance(reference_states=True), PERIOD, place, speed, now, wanted)
+        expected = 1.5 / 30.0 * (1 - np.exp(-30.0 / 3.0 * k * PERIOD))
+        assert speed[1] == pytest.approx(expected, abs=5e-4)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("reference_states", [False, True])
+def test_the_filter_stays_near_the_measured_state(sign: float, reference_states: bool) -> None:
+    now = resting((sign * 1e3, sign * 1e3))
+    place, speed = now.position.copy(), np.zeros(2)
+    for _ in range(1000):
+        advance_filter(impedance(reference_states=reference_states), PERIOD, place, speed, now, reference())
+        assert (np.abs(speed) <= VELOCITY_CLIP + 1e-15).all()
+        assert (np.abs(place - now.position) <= POSITION_CLIP + 1e-15).all()
+    np.testing.assert_allclose(speed, -sign * VELOCITY_CLIP)
+    np.testing.assert_allclose(place - now.position, -sign * POSITION_CLIP)
+
+
+def test_task_force_and_joint_torque_are_inverse() -> None:
+    jacobian, force = resting().jacobian, np.array([3.0, -4.0])
+    torque = joint_torque(jacobian, force)
+    np.testing.assert_allclose(torque, [jacobian[:, 0] @ force, jacobian[:, 1] @ force])
+    np.testing.assert_allclose(task_force(jacobian, torque), force)
+
+
+def test_model_torque_is_linear_in_the_parameters() -> None:
+    rng = np.random.default_rng(1)
+    regressor, theta = rng.normal(size=(5, 2, 9)), rng.normal(size=9)
+    v, a = rng.normal(size=2), rng.normal(size=2)
+    expected = sum(c * part for c, part in zip([1.0, *v, *a], regressor, strict=True)) @ theta
+    np.testing.assert_allclose(model_torque(regressor, v, a, theta), expected)

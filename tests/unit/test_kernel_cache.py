@@ -1,0 +1,64 @@
+"""Compiled kernels are kept between processes, and thrown away when any source they can call has changed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import hilrig
+
+USER = '''
+import sys
+from hilrig.kernel import kernel
+from hilrig.inner import factor
+
+@kernel
+def scaled(x):
+    return factor(x) * 1.0
+
+print(scaled(2.0), sum(scaled.stats.cache_hits.values()))
+'''
+INNER = '''
+from hilrig.kernel import kernel
+
+@kernel
+def factor(x):
+    return {factor} * x
+'''
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A package named hilrig with the real kernel.py and little else."""
+    root = tmp_path / "source"
+    (root / "hilrig").mkdir(parents=True)
+    (root / "hilrig" / "__init__.py").write_text("")
+    shutil.copy(Path(hilrig.__file__).parent / "kernel.py", root / "hilrig")
+    (root / "hilrig" / "inner.py").write_text(INNER.format(factor=3.0))
+    (root / "user").mkdir()
+    (root / "user" / "mine.py").write_text(USER)
+    return root
+
+
+def run(package: Path, cache: Path) -> tuple[float, int]:
+    """Return the result and the number of cache hits, in a fresh process."""
+    environment = {**os.environ, "PYTHONPATH": str(package), "HILRIG_CACHE_DIR": str(cache)}
+    command = [sys.executable, str(package / "user" / "mine.py")]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    value, hits = done.stdout.split()
+    return float(value), int(hits)
+
+
+def test_kernels_are_kept_and_never_stale(package: Path, tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    assert run(package, cache) == (6.0, 0)
+    assert run(package, cache) == (6.0, 1), "the second process loads what the first compiled"
+    (package / "hilrig" / "inner.py").write_text(INNER.format(factor=5.0))
+    assert run(package, cache) == (10.0, 0), "a kernel in another file changed"
+    (package / "hilrig" / "inner.py").write_text(INNER.format(factor=3.0))
+    assert run(package, cache) == (6.0, 1), "the sources are as they were"

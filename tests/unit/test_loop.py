@@ -1,0 +1,184 @@
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from builders import PERIOD, arm, surface, trial
+from hilrig_drivers.pybullet_arm import PybulletArm
+from hilrig_drivers.two_link import TwoLink
+
+from hilrig.actuation import Actuation
+from hilrig.controllers.tde_sliding_mode import TdeSlidingMode
+from hilrig.disturbances.measurement_delay import MeasurementDelay
+from hilrig.disturbances.sensor_bias import SensorBias
+from hilrig.errors import Tripped
+from hilrig.interfaces import Law, Task
+from hilrig.loop import Answer, ControlSide, PlantSide, drive, filter_velocity, limited, warm_up_control, warm_up_plant
+from hilrig.signals import Array, Command, Measurement, Reference, State, Truth
+from hilrig.trial import Trial
+
+
+class Direct:
+    """A wire within one process that notes what passes."""
+
+    def __init__(self, trial: Trial, late: frozenset[int] = frozenset()) -> None:
+        self.control, self.late = ControlSide(trial), late
+        self.measured: list[Measurement] = []
+        self.answers: dict[int, Answer] = {}
+        self.wanted: list[int] = []
+
+    def wait(self, tick: int) -> None:
+        assert tick == len(self.measured)
+
+    def publish(self, tick: int, measurement: Measurement, truth: Truth | None) -> None:
+        assert truth is not None
+        self.measured.append(measurement)
+        self.answers[tick] = self.control.control(tick, measurement)
+
+    def command(self, tick: int, wanted: int) -> Command | None:
+        self.wanted.append(wanted)
+        return self.answers[wanted].command if wanted in self.answers else None
+
+
+def ride(subject: Trial) -> Direct:
+    """Run the whole trial and return its wire."""
+    side, wire = PlantSide(subject), Direct(subject)
+    assert list(drive(side, wire)) == list(range(1, subject.ticks + 1))
+    side.close()
+    return wire
+
+
+@dataclass(frozen=True)
+class Wants:
+    """A controller that wants the same torque always."""
+
+    torque: tuple[float, float]
+
+    def start(self, task: Task, state: State) -> Law:
+        def step(parameters: object, memory: object, state: State, reference: Reference) -> Array:
+            return np.array(self.torque)
+
+        return Law(step, None, ())
+
+
+@pytest.mark.parametrize("delay", [0, 1, 2])
+def test_a_command_acts_after_the_delay(delay: int) -> None:
+    """Applied torque at tick k is what was in effect up to k: the command of tick k - 1 - delay."""
+    wire = ride(trial(TwoLink(arm(), surface()), TdeSlidingMode(), actuation_delay=delay))
+    hold = wire.measured[0].applied_torque
+    for k in range(1, len(wire.measured)):
+        source = k - 1 - delay
+        expected = wire.answers[source].command.torque if source >= 0 else hold
+        np.testing.assert_array_equal(wire.measured[k].applied_torque, expected)
+
+
+def test_before_the_first_command_the_arm_is_held() -> None:
+    wire = ride(trial(actuation_delay=3))
+    for early in wire.measured[:4]:
+        np.testing.assert_allclose(early.joint_position, wire.measured[0].joint_position, atol=1e-12)
+
+
+def test_the_same_trial_twice_gives_the_same_bits() -> None:
+    for driver in (TwoLink(arm(), surface()), PybulletArm(arm(), surface())):
+        first, second = (ride(trial(driver, TdeSlidingMode())) for _ in range(2))
+        for a, b in zip(first.measured, second.measured, strict=True):
+            np.testing.assert_array_equal(a.joint_position, b.joint_position)
+            np.testing.assert_array_equal(a.wrench, b.wrench)
+        assert not np.array_equal(first.measured[-1].joint_position, first.measured[0].joint_position)
+
+
+def test_measurement_delay_gives_old_measurements() -> None:
+    driver, delayed = TwoLink(arm(), surface()), trial(disturbances=(MeasurementDelay(ticks=3),))
+    side = PlantSide(delayed)
+    exact, seen = [], []
+    for tick in range(10):
+        measured, truth = side.measure(tick)
+        assert truth is not None
+        exact.append(truth.joint_position)
+        seen.append(measured.joint_position)
+        side.advance(tick, Command(np.array([5.0, 1.0]), np.zeros(2)))
+    assert driver.robot.joints == 2
+    for tick in range(10):
+        np.testing.assert_array_equal(seen[tick], exact[max(tick - 3, 0)])
+    assert not np.array_equal(exact[9], exact[6])
+
+
+def test_sensor_errors_reach_the_controller_but_not_safety_or_truth() -> None:
+    biased = trial(disturbances=(SensorBias(force=500.0, joint=(0.01, -0.02)),))
+    side = PlantSide(biased)
+    measured, truth = side.measure(0)
+    assert truth is not None
+    np.testing.assert_allclose(measured.joint_position - truth.joint_position, [0.01, -0.02])
+    assert measured.wrench[2] - truth.wrench[2] == pytest.approx(500.0)
+
+
+def test_torque_is_limited_and_the_law_is_told() -> None:
+    strong = trial(TwoLink(arm(torque_limit=(3.0, 2.0)), surface()), Wants((10.0, -10.0)))
+    control, side = ControlSide(strong), PlantSide(strong)
+    measurement, _ = side.measure(0)
+    np.testing.assert_array_equal(control.control(0, measurement).command.torque, [3.0, -2.0])
+    np.testing.assert_array_equal(control.control(1, measurement).state.torque, [3.0, -2.0])
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_torque_that_is_not_finite_trips(bad: float) -> None:
+    subject = trial(controller=Wants((1.0, bad)))
+    measurement, _ = PlantSide(subject).measure(0)
+    with pytest.raises(Tripped, match=r"tick 7: the torque of controller 'mine' is not finite"):
+        ControlSide(subject).control(7, measurement)
+
+
+def test_the_state_is_the_robots_kinematics_and_the_force_along_its_axes() -> None:
+    subject = trial()
+    control, side = ControlSide(subject), PlantSide(subject)
+    q = np.array([0.5, 1.1])
+    first = Measurement(q, np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), np.array([0.3, 0.4]))
+    state = control.control(0, first).state
+    np.testing.assert_array_equal(state.force, [1.0, 3.0])
+    np.testing.assert_array_equal(state.torque, [0.3, 0.4])
+    np.testing.assert_array_equal(state.velocity, [0.0, 0.0])
+    moved = control.control(1, first._replace(joint_position=q + 1e-3)).state
+    smoothing = 1 - np.exp(-2 * np.pi * 60.0 * PERIOD)
+    np.testing.assert_allclose(moved.joint_velocity, smoothing * 1e-3 / PERIOD)
+    np.testing.assert_allclose(moved.velocity, arm().kinematics(q + 1e-3, moved.joint_velocity).velocity)
+    side.close()
+
+
+def test_the_velocity_filter_has_its_cutoff() -> None:
+    """A slow ramp is followed exactly; a sine at the cut-off comes out 3 dB down, as far as a sampled filter can be."""
+    period, cutoff = 1e-4, 60.0
+    smoothing, velocity = 1 - np.exp(-2 * np.pi * cutoff * period), np.zeros(1)
+    t = np.arange(5000) * period
+    q, seen = np.sin(2 * np.pi * cutoff * t) / (2 * np.pi * cutoff), []
+    for now, last in zip(q[1:], q[:-1], strict=True):
+        filter_velocity(velocity, np.array([now]), np.array([last]), period, smoothing)
+        seen.append(velocity[0])
+    assert np.max(seen[2500:]) == pytest.approx(np.sqrt(0.5), rel=0.02)
+    for k in range(5000):
+        filter_velocity(velocity, np.array([k * period]), np.array([(k - 1) * period]), period, smoothing)
+    assert velocity[0] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_position_servos_are_commanded_by_equation_26() -> None:
+    servo = trial(TwoLink(arm(), surface(), Actuation("position_servo", k_ref=15.0)), Wants((3.0, -1.5)))
+    measurement, _ = PlantSide(servo).measure(0)
+    command = ControlSide(servo).control(0, measurement).command
+    np.testing.assert_allclose(command.position, measurement.joint_position + [0.2, -0.1])
+
+
+def test_limited_keeps_what_is_within() -> None:
+    torque, finite = limited(np.array([-5.0, 1.0, 5.0]), np.array([2.0, 2.0, 9.0]))
+    np.testing.assert_array_equal(torque, [-2.0, 1.0, 5.0])
+    assert finite
+    assert not limited(np.array([np.nan, 0.0]), np.ones(2))[1]
+
+
+def test_warm_up_tells_the_laws_memory_and_leaves_the_trial_alone() -> None:
+    subject = trial(controller=TdeSlidingMode())
+    before = ride(subject).measured[-1].joint_position
+    warm_up_plant(subject)
+    sizes = warm_up_control(subject)
+    assert sizes["gains"] == 3
+    assert sizes["estimate"] == 2
+    np.testing.assert_array_equal(ride(subject).measured[-1].joint_position, before)
