@@ -23,6 +23,7 @@ from hilrig.signals import (
     Command,
     Inputs,
     Measurement,
+    Nudge,
     Reference,
     State,
     Truth,
@@ -42,13 +43,14 @@ class PlantSide:
         self._delays = self.inputs.measurement_delay.astype(int)
         self._past: deque[Measurement] = deque(maxlen=int(self._delays.max(initial=0)) + 1)
         self.hold: Command | None = None
+        self._nudged, self._now = 0, nudge(self.inputs, 0)
 
     def measure(self, tick: int) -> tuple[Measurement, Truth | None]:
         """Return what the sensors report at `tick`, with their errors and delays, and the truth where there is one.
 
         Raises Tripped if a safety limit is exceeded.
         """
-        disturbance = nudge(self.inputs, tick)
+        disturbance = self._nudge(tick)
         exact = self.plant.measure(disturbance)
         if self.hold is None:
             self.hold = self.plant.hold()
@@ -56,6 +58,11 @@ class PlantSide:
         self._past.append(exact)
         age = min(int(self._delays[tick]), len(self._past) - 1)
         return self._sensed(self._past[-1 - age], tick), self.plant.truth(disturbance)
+
+    def _nudge(self, tick: int) -> Nudge:
+        if tick != self._nudged:
+            self._nudged, self._now = tick, nudge(self.inputs, tick)
+        return self._now
 
     def _sensed(self, exact: Measurement, tick: int) -> Measurement:
         return Measurement(
@@ -68,7 +75,7 @@ class PlantSide:
         """Let the period that begins at `tick` pass under `command` (None: the holding one)."""
         held = command if command is not None else self.hold
         assert held is not None, "measure() comes first"
-        self.plant.advance(held, nudge(self.inputs, tick))
+        self.plant.advance(held, self._nudge(tick))
 
     def close(self) -> None:
         """Release the plant."""

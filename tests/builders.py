@@ -1,4 +1,4 @@
-"""What tests are made of: arms, surfaces, states, tasks and trials, with plain values for all that a test does not say."""
+"""What tests are made of: arms, surfaces, states, tasks and trials; plain values for all that a test does not say."""
 
 from __future__ import annotations
 
@@ -101,8 +101,8 @@ def trial(driver: Driver | None = None, controller: Controller | None = None, **
 def example(cls: type, **known: Any) -> Any:
     """Return an instance of a plug-in's class, found values for the fields that have no default.
 
-    `known` gives values by field name, for the fields that the class has. A number is 1, moved into its bounds; a sequence
-    of numbers 0, 1, 2; a robot or a surface one of this module's.
+    `known` gives values by field name, for the fields that the class has. A number is 1.5, moved into its bounds;
+    a sequence of numbers 0, 1, 2; a robot or a surface one of this module's.
     """
     hints = typing.get_type_hints(cls, include_extras=True)
     values = {}
@@ -126,7 +126,7 @@ def _value(hint: Any) -> Any:
     if kind is Surface:
         return surface()
     known = parameter_of(hint) or Parameter("")
-    number = float(min(max(1.0, known.low), known.high))
+    number = float(min(max(1.5, known.low), known.high))
     if typing.get_origin(kind) is tuple:
         size = len(typing.get_args(kind))
         return (0.0, 1.0, 2.0) if typing.get_args(kind)[-1] is Ellipsis else (number,) * size

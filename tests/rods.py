@@ -46,9 +46,7 @@ def mass_matrix(robot: Planar2r, q: Array) -> Array:
     """Return M(q) from the kinetic energy of the points, (2, 2) kg m^2."""
     matrix = np.zeros((2, 2))
     for point in points(robot):
-        jacobian = np.stack(
-            [place(robot, point, q + 1j * STEP * np.eye(2)[i]).imag / STEP for i in range(2)], axis=1
-        )
+        jacobian = np.stack([place(robot, point, q + 1j * STEP * np.eye(2)[i]).imag / STEP for i in range(2)], axis=1)
         matrix += point.mass * jacobian.T @ jacobian
     return matrix
 

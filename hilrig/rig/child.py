@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 from hilrig.errors import HilrigError, Stopped
 from hilrig.recording.run_directory import read_trial
 from hilrig.rig.bus import Bus
-from hilrig.rig.clock import pin
+from hilrig.rig.clock import finish_before_yielding, pin
 from hilrig.trial import Trial
 
 PR_SET_PDEATHSIG = 1
@@ -38,6 +38,7 @@ class Orders:
     listen: tuple[str, ...]
     connect: tuple[str, ...]
     cores: tuple[int, ...]
+    realtime: bool
     parent: int
 
     def to_json(self) -> str:
@@ -66,6 +67,8 @@ class Child:
         """
         if self._bus is None:
             pin(list(self.orders.cores))
+            if not self.orders.realtime:
+                finish_before_yielding()
             self._bus = Bus(self.orders.trial, self.role, self.orders.listen, self.orders.connect)
             self._status = self._bus.outbox("status", blocking=True)
             self._orders = self._bus.inbox("order")

@@ -53,3 +53,11 @@ def pin(cores: list[int]) -> None:
     allowed = set(cores) & os.sched_getaffinity(0)
     if allowed:
         os.sched_setaffinity(0, allowed)
+
+
+def finish_before_yielding() -> None:
+    """Let this process go on when it wakes another one on its core, until it waits itself.
+
+    In lockstep the halves of the loop take turns: whoever is interrupted by the other's wake-up loses its caches twice.
+    """
+    os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))

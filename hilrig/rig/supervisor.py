@@ -32,10 +32,8 @@ GRACE = 5.0
 STEP = 0.005
 """s between two looks at the children"""
 QUIET = {
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "MKL_NUM_THREADS": "1",
-    "NUMBA_NUM_THREADS": "1",
+    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"),
+    "ZENOH_RUNTIME": f"({', '.join(f'{pool}: (worker_threads: 1)' for pool in ('rx', 'tx', 'app', 'acc', 'net'))})",
 }
 """Environment of the children: a 1 ms process wants no thread pool beside it"""
 
@@ -86,7 +84,7 @@ class Rig:
         orders = Orders(
             role, str(self.run.resolve()), self.trial.id, self._sockets,
             tuple(map(self._endpoint, listens)), tuple(map(self._endpoint, connects)),
-            self._cores[role], os.getpid(),
+            self._cores[role], self.trial.clock == "realtime", os.getpid(),
         )  # fmt: skip
         # -P: a folder of the working directory must not shadow a package. Its own session: Ctrl-C is the supervisor's.
         command = [sys.executable, "-P", "-m", f"hilrig.rig.{role}_process", orders.to_json()]

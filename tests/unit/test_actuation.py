@@ -28,7 +28,9 @@ def test_a_stiff_servo_multiplies_the_torque() -> None:
 
 @pytest.mark.parametrize("compensated", [False, True])
 @given(torque=vectors, q=vectors, gravity=vectors)
-def test_holding_position_gives_the_torque(compensated: bool, torque: np.ndarray, q: np.ndarray, gravity: np.ndarray) -> None:
+def test_holding_position_gives_the_torque(
+    compensated: bool, torque: np.ndarray, q: np.ndarray, gravity: np.ndarray
+) -> None:
     servo = Actuation("position_servo", 15.0, 40.0, 0.5, compensated).constants()
     reference = holding_position(torque, q, servo, gravity)
     np.testing.assert_allclose(motor_torque(servo, STILL, reference, q, STILL, gravity), torque, atol=1e-10)

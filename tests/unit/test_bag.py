@@ -53,7 +53,9 @@ def test_what_was_written_is_read_back(bag: Path) -> None:
     channels = read_bag(bag)
     assert set(channels) == {"state", "internals"}
     for tick in range(TICKS):
-        for name, expected in zip(("tick", "time", "joint_position", "wrench", "applied_torque"), state(tick), strict=True):
+        for name, expected in zip(
+            ("tick", "time", "joint_position", "wrench", "applied_torque"), state(tick), strict=True
+        ):
             np.testing.assert_array_equal(channels["state"][name][tick], expected)
     assert channels["state"]["wrench"].shape == (TICKS, 6)
     assert channels["internals"]["gains"].shape == (TICKS, 3)
@@ -72,7 +74,9 @@ def test_the_same_messages_make_the_same_file(bag: Path, tmp_path: Path) -> None
 
 @settings(max_examples=150)
 @given(data=st.data())
-def test_a_bag_cut_anywhere_is_read_up_to_the_cut(bag: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+def test_a_bag_cut_anywhere_is_read_up_to_the_cut(
+    bag: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
     """Whatever byte a crash stopped at, what is read is a true beginning, and at most the last chunk is missing."""
     whole = bag.read_bytes()
     size = data.draw(st.integers(0, len(whole)))

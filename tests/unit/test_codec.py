@@ -11,14 +11,20 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from hilrig.messages.codec import Codec, Definition, definition, extended, parse, sizes_in
 
 MESSAGES = tuple(
-    sorted(file.name.removesuffix(".msg") for file in resources.files("hilrig.messages").iterdir() if file.name.endswith(".msg"))
+    sorted(
+        file.name.removesuffix(".msg")
+        for file in resources.files("hilrig.messages").iterdir()
+        if file.name.endswith(".msg")
+    )
 )
 numbers = st.floats(allow_nan=False)
 
 
 def full(name: str) -> Definition:
     """Return the definition as it is used: a law's memory behind the internals."""
-    return extended(definition(name), {"gains": 3, "one": 1, "estimate": 2}) if name == "Internals" else definition(name)
+    return (
+        extended(definition(name), {"gains": 3, "one": 1, "estimate": 2}) if name == "Internals" else definition(name)
+    )
 
 
 @st.composite
@@ -32,7 +38,9 @@ def messages(draw: st.DrawFn, name: str) -> tuple[Codec, list]:
         element = numbers if field.type == "float64" else whole
         kind = {"float64": np.float64, "int64": np.int64, "uint64": np.uint64}[field.type]
         count = sizes.get(field.name, field.size)
-        values.append(draw(element) if count is None else np.array(draw(st.lists(element, min_size=count, max_size=count)), kind))
+        values.append(
+            draw(element) if count is None else np.array(draw(st.lists(element, min_size=count, max_size=count)), kind)
+        )
     return Codec(form, sizes), values
 
 
@@ -60,7 +68,9 @@ def test_the_bytes_are_those_of_ros_2(name: str, data: st.DataObject) -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     store.register(get_types_from_msg(codec.definition.text, codec.definition.name))
     fields = dict(zip((field.name for field in codec.definition.fields), values, strict=True))
-    assert bytes(store.serialize_cdr(store.types[codec.definition.name](**fields), codec.definition.name)) == codec.pack(values)
+    assert bytes(
+        store.serialize_cdr(store.types[codec.definition.name](**fields), codec.definition.name)
+    ) == codec.pack(values)
 
 
 @pytest.mark.parametrize("name", MESSAGES)
@@ -99,7 +109,9 @@ def test_a_wrong_length_is_not_packed() -> None:
         codec.pack((1, 0.0, np.ones(3), np.ones(2)))
 
 
-@pytest.mark.parametrize("line", ["string name", "float64 ", "float64[<=3] x", "geometry_msgs/Vector3 v", "float64 x 3"])
+@pytest.mark.parametrize(
+    "line", ["string name", "float64 ", "float64[<=3] x", "geometry_msgs/Vector3 v", "float64 x 3"]
+)
 def test_a_definition_that_the_codec_cannot_pack_is_refused(line: str) -> None:
     with pytest.raises(ValueError, match="Mine: cannot read the line"):
         parse("Mine", f"uint64 tick\n{line}\n")

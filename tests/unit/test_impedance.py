@@ -26,9 +26,14 @@ def resting(force: tuple[float, float] = (0.0, 0.0)) -> State:
 
 def test_desired_acceleration_is_equation_4() -> None:
     """Both axes of the equation, written out by hand."""
-    desired = Impedance(np.array([1.0, 0.0]), np.array([3.0, 6.0]), np.array([30.0, 60.0]), np.array([250.0, 99.0]), False)
+    desired = Impedance(
+        np.array([1.0, 0.0]), np.array([3.0, 6.0]), np.array([30.0, 60.0]), np.array([250.0, 99.0]), False
+    )
     wanted = reference(
-        position=np.array([0.2, 7.0]), velocity=np.array([0.5, 7.0]), acceleration=np.array([0.9, 7.0]), force=np.array([7.0, 3.5])
+        position=np.array([0.2, 7.0]),
+        velocity=np.array([0.5, 7.0]),
+        acceleration=np.array([0.9, 7.0]),
+        force=np.array([7.0, 3.5]),
     )
     got = desired_acceleration(desired, np.array([0.1, 0.35]), np.array([0.4, -0.2]), np.array([1.5, 2.0]), wanted)
     along_x = (-30 * (0.4 - 0.5) - 250 * (0.1 - 0.2) - 1.5) / 3 + 0.9

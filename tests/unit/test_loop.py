@@ -16,7 +16,7 @@ from hilrig.errors import Tripped
 from hilrig.interfaces import Law, Task
 from hilrig.loop import Answer, ControlSide, PlantSide, drive, filter_velocity, limited, warm_up_control, warm_up_plant
 from hilrig.signals import Array, Command, Measurement, Reference, State, Truth
-from hilrig.trial import Trial
+from hilrig.trial import Limits, Trial
 
 
 class Direct:
@@ -113,6 +113,13 @@ def test_sensor_errors_reach_the_controller_but_not_safety_or_truth() -> None:
     assert measured.wrench[2] - truth.wrench[2] == pytest.approx(500.0)
 
 
+def test_a_limit_that_is_exceeded_trips_the_trial() -> None:
+    """The arm starts 10 mm deep in a surface of 800 N/m, and may press with 5 N."""
+    side = PlantSide(trial(start_position=(0.1, 0.36), limits=Limits(tip_force=5.0)))
+    with pytest.raises(Tripped, match=r"tip force 8 N .* limit of 5 N"):
+        side.measure(0)
+
+
 def test_torque_is_limited_and_the_law_is_told() -> None:
     strong = trial(TwoLink(arm(torque_limit=(3.0, 2.0)), surface()), Wants((10.0, -10.0)))
     control, side = ControlSide(strong), PlantSide(strong)
@@ -164,7 +171,7 @@ def test_position_servos_are_commanded_by_equation_26() -> None:
     servo = trial(TwoLink(arm(), surface(), Actuation("position_servo", k_ref=15.0)), Wants((3.0, -1.5)))
     measurement, _ = PlantSide(servo).measure(0)
     command = ControlSide(servo).control(0, measurement).command
-    np.testing.assert_allclose(command.position, measurement.joint_position + [0.2, -0.1])
+    np.testing.assert_allclose(command.position, measurement.joint_position + np.array([0.2, -0.1]))
 
 
 def test_limited_keeps_what_is_within() -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 import rods
@@ -70,7 +72,7 @@ def test_it_moves_as_the_two_link_arm_does(friction: tuple[float, float]) -> Non
     ]
     assert moved > 0.005
     assert errors[0] < 0.05 * moved
-    for coarse, fine in zip(errors, errors[1:], strict=False):
+    for coarse, fine in itertools.pairwise(errors):
         assert 1.6 < coarse / fine < 2.4
 
 
@@ -92,7 +94,7 @@ def test_explicit_contact_has_the_exact_static_force() -> None:
 
 
 def pressed(contact: str, force: float, **disturbance: float) -> tuple[float, float, float]:
-    """Press with a task force behind damping, as a hybrid controller would; return mean force, its spread, and depth."""
+    """Press with a task force behind damping, as a hybrid controller would; return mean force, spread and depth."""
     robot = arm()
     plant = begin(PybulletArm(robot, surface(friction=0.0), contact=contact), touching(robot, 0.0))  # pyright: ignore[reportArgumentType]
     forces, nudged = [], STILL._replace(**disturbance)

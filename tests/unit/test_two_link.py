@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 import rods
@@ -31,7 +33,7 @@ def end_of_swing(substep: float) -> Array:
 def test_runge_kutta_is_of_fourth_order() -> None:
     exact = end_of_swing(1e-4)
     errors = [np.abs(end_of_swing(substep) - exact).max() for substep in (5e-3, 2.5e-3, 1.25e-3)]
-    for coarse, fine in zip(errors, errors[1:], strict=False):
+    for coarse, fine in itertools.pairwise(errors):
         assert 13.0 < coarse / fine < 19.0
 
 
@@ -65,12 +67,16 @@ def test_work_done_is_energy_stored_and_lost() -> None:
 
 def test_a_pendulum_and_its_mirror_image_swing_alike() -> None:
     hanging, period = arm(gravity=(0.0, -9.81)), 1e-3
-    left, right = (begin(TwoLink(hanging, FAR_AWAY), q, period) for q in ((-np.pi / 2 - 0.4, -0.3), (-np.pi / 2 + 0.4, 0.3)))
+    left, right = (
+        begin(TwoLink(hanging, FAR_AWAY), q, period) for q in ((-np.pi / 2 - 0.4, -0.3), (-np.pi / 2 + 0.4, 0.3))
+    )
     for _ in range(300):
         for plant in (left, right):
             plant.advance(torque_command((0.0, 0.0)), STILL)
     a, b = true_state(left), true_state(right)
-    np.testing.assert_allclose(a.joint_position + np.pi / 2 * np.array([1, 0]), -(b.joint_position + np.pi / 2 * np.array([1, 0])), atol=1e-9)
+    np.testing.assert_allclose(
+        a.joint_position + np.pi / 2 * np.array([1, 0]), -(b.joint_position + np.pi / 2 * np.array([1, 0])), atol=1e-9
+    )
     assert a.joint_velocity == pytest.approx(-b.joint_velocity, abs=1e-9)
 
 
@@ -87,7 +93,9 @@ def test_small_swings_have_the_pendulums_period() -> None:
     assert true_state(plant).joint_velocity[0] == pytest.approx(-speed, rel=2e-3)
 
 
-@pytest.mark.parametrize("actuation", [Actuation(), Actuation("position_servo"), Actuation("position_servo", gravity_compensation=True)])
+@pytest.mark.parametrize(
+    "actuation", [Actuation(), Actuation("position_servo"), Actuation("position_servo", gravity_compensation=True)]
+)
 def test_held_at_rest_in_contact_nothing_moves(actuation: Actuation) -> None:
     plant = begin(TwoLink(arm(), surface(), actuation), arm().inverse_kinematics(np.array([0.1, 0.36])))
     assert true_state(plant).wrench[2] == pytest.approx(8.0)
@@ -110,7 +118,9 @@ def test_a_servo_as_stiff_as_k_ref_follows_the_torque() -> None:
         through.advance(torque_command(torque, now + torque / 15.0), STILL)
     moved = true_state(direct).joint_position - np.array(Q)
     assert np.abs(moved).max() > 0.05
-    np.testing.assert_allclose(true_state(through).joint_position, true_state(direct).joint_position, atol=0.01 * np.abs(moved).max())
+    np.testing.assert_allclose(
+        true_state(through).joint_position, true_state(direct).joint_position, atol=0.01 * np.abs(moved).max()
+    )
 
 
 def test_applied_torque_is_what_the_motors_gave() -> None:
