@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from hilrig.actuation import position_reference
-from hilrig.errors import Tripped
+from hilrig.errors import PluginError, Tripped
 from hilrig.interfaces import Begin, Law, Plant, Robot, Task
 from hilrig.kernel import kernel
 from hilrig.safety import Monitor
@@ -167,7 +167,25 @@ def warm_up_control(trial: Trial) -> dict[str, int]:
     still = np.zeros(trial.driver.robot.joints)
     at_rest = Measurement(start_joint_position(trial), np.zeros(6), still)
     memory = side.control(0, at_rest).memory
-    return {name: np.size(value) for name, value in zip(type(memory)._fields, memory, strict=True)}
+    return memory_sizes(memory, trial.controller_name)
+
+
+def memory_sizes(memory: Any, controller: str) -> dict[str, int]:
+    """Return the length of every field of a law's memory, by name. Raises PluginError if it cannot be recorded."""
+    if memory == ():
+        return {}
+    names = getattr(type(memory), "_fields", None)
+    if names is None:
+        raise PluginError(
+            f"controller '{controller}': the law's memory is a {type(memory).__name__}; make it a NamedTuple of arrays"
+        )
+    for name, value in zip(names, memory, strict=True):
+        if not isinstance(value, np.ndarray) or value.dtype != np.float64 or value.size == 0:
+            raise PluginError(
+                f"controller '{controller}': memory field '{name}' is {value!r}; "
+                "every field is an array of float64, with one entry or more, that step writes in place"
+            )
+    return {name: value.size for name, value in zip(names, memory, strict=True)}
 
 
 class Wire(Protocol):

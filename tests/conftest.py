@@ -45,19 +45,20 @@ def nothing_left_behind(temporary_root: Path) -> Iterator[None]:
     before = leftovers(temporary_root)
     yield
     deadline = time.monotonic() + PATIENCE
-    while (left := leftovers(temporary_root) - before) and time.monotonic() < deadline:
+    while (left := leftovers(temporary_root).keys() - before) and time.monotonic() < deadline:
         time.sleep(0.02)
-    assert not left, f"left behind: {', '.join(sorted(left))}"
+    told = leftovers(temporary_root)
+    assert not left, f"left behind: {', '.join(told.get(item, item) for item in sorted(left))}"
 
 
-def leftovers(root: Path) -> set[str]:
-    """Return, in words, every living thread, child process, process of the rig, and socket folder."""
-    threads = {f"thread {thread.name} ({thread.ident})" for thread in threading.enumerate()}
-    sockets = {f"folder {path}" for path in root.glob("hilrig-*")}
-    return threads | sockets | set(_processes(root))
+def leftovers(root: Path) -> dict[str, str]:
+    """Return every living thread, child process, process of the rig, and socket folder: a name of its own -> words."""
+    threads = {f"thread {thread.ident}": f"thread {thread.name}" for thread in threading.enumerate()}
+    sockets = {f"folder {path}": f"folder {path}" for path in root.glob("hilrig-*")}
+    return {**threads, **sockets, **dict(_processes(root))}
 
 
-def _processes(root: Path) -> Iterator[str]:
+def _processes(root: Path) -> Iterator[tuple[str, str]]:
     """Children of this process, and processes anywhere that were told of this session's temporary folder."""
     for entry in Path("/proc").glob("[0-9]*"):
         try:
@@ -67,4 +68,4 @@ def _processes(root: Path) -> Iterator[str]:
             continue  # gone in the meantime
         helper = "multiprocessing.resource_tracker" in command  # lives as long as this process, by design
         if not helper and (parent == os.getpid() or str(root) in command):
-            yield f"process {entry.name} ({command[:120]})"
+            yield f"process {entry.name}", f"process {entry.name} ({command[:120]})"

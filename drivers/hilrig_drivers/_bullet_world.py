@@ -154,7 +154,11 @@ class ExplicitContact:
 
 
 class EngineContact:
-    """The surface as a body that Bullet's solver keeps the tip out of; its force is what the last step needed."""
+    """The surface as a body that Bullet's solver keeps the tip out of; its force is what the last step needed.
+
+    It is zero before the first step. Bullet leaves 10 um of slop, and its friction acts on the skin of the sphere,
+    TIP_RADIUS beyond the tip: it turns the arm a little where that of the explicit model does not.
+    """
 
     def __init__(self, world: World, surface: Surface) -> None:
         self._world, self._engine = world, world.engine

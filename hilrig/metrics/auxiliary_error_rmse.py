@@ -1,3 +1,5 @@
+"""What is missing from the desired dynamics."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,3 +1,5 @@
+"""How restless the command is."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

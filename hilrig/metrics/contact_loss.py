@@ -1,3 +1,5 @@
+"""How often the contact is lost."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,3 +1,5 @@
+"""How much torque is spent."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

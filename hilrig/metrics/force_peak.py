@@ -1,3 +1,5 @@
+"""The largest force error."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,3 +1,5 @@
+"""The usual size of the force error."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,3 +1,5 @@
+"""How often a command was late."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

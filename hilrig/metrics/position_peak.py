@@ -1,3 +1,5 @@
+"""The largest position error."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,3 +1,5 @@
+"""How long a change of reference takes."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

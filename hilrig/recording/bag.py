@@ -106,6 +106,15 @@ def _columns(definition: Definition, payloads: list[bytes]) -> dict[str, np.ndar
     rows: dict[str, list[np.ndarray]] = defaultdict(list)
     for payload in payloads:
         codec = Codec(definition, sizes_in(definition, payload))
-        for field, value in zip(definition.fields, codec.unpack(payload), strict=True):
-            rows[field.name].append(np.atleast_1d(value))
+        names = (field.name for field in definition.fields)
+        for name, value in _rows(dict(zip(names, codec.unpack(payload), strict=True))).items():
+            rows[name].append(value)
     return {name: np.concatenate(parts) for name, parts in rows.items()}
+
+
+def _rows(batch: dict[str, Any]) -> dict[str, np.ndarray]:
+    """Return one message of many ticks with a `tick` for each: its `ticks` if it names them, else counted on."""
+    first = int(batch.pop("tick"))
+    ticks = batch.pop("ticks", None)
+    count = len(next(iter(batch.values())))
+    return {"tick": first + np.arange(count) if ticks is None else ticks, **batch}

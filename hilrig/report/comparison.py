@@ -13,25 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 CELL = ["condition", "phase", "metric", "axis"]
 LEAST_PAIRS = 3
 ROUNDING = 1e-9
 """Relative difference below which two values count as equal"""
-
-_T = (
-    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131,
-    2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042,
-)  # fmt: skip
-
-
-def t_quantile(freedom: int) -> float:
-    """Return the 97.5 % quantile of Student's t for `freedom` >= 1 degrees of freedom, to 3 decimals."""
-    if freedom <= len(_T):
-        return _T[freedom - 1]
-    z = 1.959964
-    return z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)
-
 
 def interval(differences: np.ndarray) -> tuple[float, float]:
     """Return the 95 % t interval of the mean of `differences` (n,); (-inf, inf) for n < 2 or non-finite values."""
@@ -39,7 +26,7 @@ def interval(differences: np.ndarray) -> tuple[float, float]:
     if n < 2 or not np.all(np.isfinite(differences)):
         return -np.inf, np.inf
     mean = float(np.mean(differences))
-    half = t_quantile(n - 1) * float(np.std(differences, ddof=1)) / np.sqrt(n)
+    half = stats.t.ppf(0.975, n - 1) * float(np.std(differences, ddof=1)) / np.sqrt(n)
     return mean - half, mean + half
 
 

@@ -21,6 +21,9 @@ from hilrig.signals import WRENCH_AXES, Array
 ALL_PHASES = "all"
 """Name of the span over every phase."""
 
+CHANNELS = ("state", "truth", "command", "internals", "driver_timing")
+"""The channels a report needs"""
+
 Document = Mapping[str, Any]
 Channels = dict[str, dict[str, np.ndarray]]
 
@@ -128,7 +131,7 @@ def read_signals(trial: TrialEntry) -> TrialSignals | None:
     bag = trial.folder / "bag.mcap"
     if not bag.exists():
         return None
-    return align(read_bag(bag, ("state", "truth", "command", "internals", "driver_timing")), trial.document)
+    return align(read_bag(bag, CHANNELS), trial.document)
 
 
 def align(channels: Channels, document: Document) -> TrialSignals | None:

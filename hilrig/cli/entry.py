@@ -1,0 +1,26 @@
+"""Where the program begins."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+
+import typer
+
+# The verbs register themselves, in the order in which the help lists them.
+from hilrig.cli import running, looking, asking  # isort: skip  # noqa: F401
+from hilrig.cli.application import app
+from hilrig.errors import HilrigError, RigError
+
+
+def main() -> None:
+    """Run the program: one readable message per error, and the exit codes of the design."""
+    try:
+        app()
+    except HilrigError as error:
+        if "--debug" in sys.argv:
+            traceback.print_exc()
+        typer.echo(f"{error}", err=True)
+        sys.exit(1 if isinstance(error, RigError) else 2)
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -1,0 +1,106 @@
+"""The verbs that take a run: report, compare, list, show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from hilrig.cli.application import RUNS, AsJson, RunArgument, app, find_run, print_json
+
+
+@app.command("report")
+def report_command(
+    run: RunArgument,
+    out: Annotated[
+        Path | None, typer.Option(help="Directory for the report; default reports/<run>.", show_default=False)
+    ] = None,
+) -> None:
+    """Make a run's report again, from its directory alone."""
+    from hilrig.report import make_report
+
+    typer.echo(f"report   {make_report(find_run(run), out)}")
+
+
+@app.command()
+def compare(first: RunArgument, second: RunArgument, as_json: AsJson = False) -> None:
+    """Compare two runs, metric by metric.
+
+    Shows every metric that both have, and how it changed from the first to the second.
+    """
+    from hilrig.report import compare as compare_runs
+    from hilrig.report import render
+
+    table = compare_runs(find_run(first), find_run(second))
+    if as_json:
+        print_json({"notes": table.attrs.get("notes", []), "rows": table.to_dict("records")})
+    else:
+        typer.echo(render(table))
+
+
+@app.command("list")
+def list_command(
+    out: Annotated[Path, typer.Option(help="Where run directories are.")] = RUNS, as_json: AsJson = False
+) -> None:
+    """List the runs, oldest first."""
+    from hilrig.recording.run_directory import list_runs, read_json, read_outcome
+
+    rows: list[dict[str, Any]] = []
+    for path in list_runs(out):
+        manifest, planned = read_json(path / "manifest.json"), read_json(path / "plan.json")
+        outcomes = [read_outcome(path, trial["id"])["outcome"] for trial in planned["trials"]]
+        done = f"{outcomes.count('completed')}/{len(outcomes)}"
+        rows.append({"run": path.name, "experiment": manifest["name"], "completed": done, "clock": manifest["clock"]})
+    if as_json:
+        print_json(rows)
+    elif not rows:
+        typer.echo(f"no runs below {out}/; make one with: hilrig run EXPERIMENT")
+    else:
+        from hilrig.terminal import print_table
+
+        print_table("", dict.fromkeys(rows[0], ""), [list(row.values()) for row in rows])
+
+
+@app.command()
+def show(run: RunArgument, as_json: AsJson = False) -> None:
+    """Show how the trials of a run ended.
+
+    Outcome and reason, speed, messages lost, and where the run came from.
+    """
+    from hilrig.recording.run_directory import read_json, read_outcome
+
+    path = find_run(run)
+    manifest, planned = read_json(path / "manifest.json"), read_json(path / "plan.json")
+    outcomes = [read_outcome(path, trial["id"]) for trial in planned["trials"]]
+    if as_json:
+        print_json({"manifest": manifest, "outcomes": outcomes})
+        return
+    from hilrig.terminal import print_table
+
+    typer.echo(f"{path}\n  {manifest['question']}\n  {manifest['command']}\n  commit {manifest['commit'] or 'unknown'}")
+    rows = [
+        [
+            item["trial"],
+            item["outcome"],
+            str(item["ticks"]),
+            f"{item.get('speed', 0):.2f}",
+            _lost(item),
+            item["reason"],
+        ]
+        for item in outcomes
+    ]
+    columns = {
+        "trial": "",
+        "outcome": "",
+        "ticks": "right",
+        "x real time": "right",
+        "lost": "right",
+        "reason": "",
+    }
+    print_table("", columns, rows)
+
+
+def _lost(outcome: dict[str, Any]) -> str:
+    lost = [account["lost"] for account in outcome["channels"].values()]
+    return "?" if None in lost or not lost else str(sum(lost))

@@ -1,0 +1,133 @@
+"""The verbs that take an experiment: check, plan, run."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from hilrig.cli.application import RUNS, AsJson, ExperimentFile, Overrides, app, print_json
+from hilrig.errors import ExperimentError
+
+
+@app.command()
+def check(experiment: ExperimentFile, override: Overrides = None) -> None:
+    """Check an experiment file; starts nothing.
+
+    Says everything that is wrong, each with line, column, what is allowed and the nearest right name.
+    """
+    loaded, trials = planned(experiment, override or [])
+    duration = sum(trial.ticks * trial.period for trial in trials)
+    names = ", ".join(loaded.controllers)
+    typer.echo(f"{experiment}: ready to run")
+    typer.echo(
+        f"  {len(trials)} trials ({names}), {duration:g} s in all, period {loaded.period * 1e3:g} ms, {loaded.clock}"
+    )
+
+
+@app.command()
+def plan(experiment: ExperimentFile, override: Overrides = None, as_json: AsJson = False) -> None:
+    """List the trials that an experiment makes, in their order."""
+    loaded, trials = planned(experiment, override or [])
+    if as_json:
+        print_json({"experiment": loaded.to_document(), "trials": [trial.to_document() for trial in trials]})
+        return
+    from hilrig.terminal import print_table
+
+    rows = [
+        [
+            trial.id,
+            trial.controller_name,
+            trial.condition_name,
+            str(trial.repeat),
+            f"{trial.ticks * trial.period:g}",
+            str(trial.seed),
+        ]
+        for trial in trials
+    ]
+    columns = {
+        "trial": "",
+        "controller": "",
+        "condition": "",
+        "repeat": "right",
+        "duration [s]": "right",
+        "seed": "",
+    }
+    print_table("", columns, rows)
+
+
+@app.command()
+def run(
+    experiment: ExperimentFile,
+    out: Annotated[Path, typer.Option(help="Where run directories are made.")] = RUNS,
+    clock: Annotated[
+        str | None, typer.Option(help="lockstep or realtime, instead of what the experiment says.")
+    ] = None,
+    in_process: Annotated[
+        bool, typer.Option("--in-process", help="Without the bus: all in this process, the same bits.")
+    ] = False,
+    jobs: Annotated[int, typer.Option(min=1, help="Trials at a time.")] = 1,
+    repeats: Annotated[int | None, typer.Option(min=1, help="Repeats, instead of what the experiment says.")] = None,
+    override: Overrides = None,
+    fail_fast: Annotated[
+        bool, typer.Option("--fail-fast", help="Begin no further trial after one that did not complete.")
+    ] = False,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Make the report at the end.")] = True,
+) -> None:
+    """Run an experiment and make its report.
+
+    Ctrl-C ends the trial in flight cleanly.
+
+    Exit code: 0 all trials completed, 1 one did not, 2 the experiment or the call is wrong, 130 interrupted.
+    """
+    overrides = [*(override or [])]
+    overrides += [f"clock={clock}"] if clock else []
+    overrides += [f"repeats={repeats}"] if repeats else []
+    loaded, trials = planned(experiment, overrides)
+    if in_process and jobs > 1:
+        raise ExperimentError("--jobs: trials in one process run one at a time; leave out --in-process or --jobs")
+    if jobs > 1 and loaded.clock == "realtime":
+        raise ExperimentError("--jobs: trials in real time run one at a time, or they would disturb each other's clock")
+
+    from hilrig.rig.execution import Options, execute
+    from hilrig.terminal import Display
+
+    options = Options(out, ["hilrig", *sys.argv[1:]], overrides, in_process, jobs, fail_fast, _interruptible())
+    with Display(len(trials)) as display:
+        directory, outcomes = execute(loaded, trials, experiment, options, display)
+    completed = sum(outcome.completed for outcome in outcomes)
+    typer.echo(f"run      {directory}  ({completed} of {len(trials)} trials completed)")
+    if report and completed:
+        from hilrig.report import make_report
+
+        typer.echo(f"report   {make_report(directory)}")
+    if options.stop.is_set():
+        raise typer.Exit(130)
+    if completed < len(trials):
+        raise typer.Exit(1)
+
+
+def _interruptible() -> threading.Event:
+    """Return an event that Ctrl-C or SIGTERM sets; a second Ctrl-C ends the program at once."""
+    stop = threading.Event()
+
+    def interrupt(_number: int, _frame: Any) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    signal.signal(signal.SIGINT, interrupt)
+    signal.signal(signal.SIGTERM, interrupt)
+    return stop
+
+
+def planned(path: Path, overrides: list[str]) -> tuple[Any, Any]:
+    from hilrig.experiment import load
+    from hilrig.plan import plan as plan_trials
+
+    loaded = load(path, overrides)
+    return loaded, plan_trials(loaded)
