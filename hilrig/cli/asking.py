@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from pathlib import Path
 from types import ModuleType
 from typing import Annotated
@@ -48,7 +49,7 @@ def _show_kind(group: str, kind: str, brief: bool) -> None:
     text = inspect.getdoc(cls) or ""
     typer.echo(f"{text}\n")
     rows = [
-        [row.name, row.unit, row.default, f"{row.low:g}", f"{row.high:g}", row.scale, row.meaning]
+        [row.name, row.unit, row.default, _bound(row.low), _bound(row.high), row.scale, row.meaning]
         for row in describe(group, kind)
     ]
     columns = {
@@ -61,6 +62,10 @@ def _show_kind(group: str, kind: str, brief: bool) -> None:
         "meaning": "",
     }
     print_table("", columns, rows)
+
+
+def _bound(value: float) -> str:
+    return f"{value:g}" if math.isfinite(value) else ""
 
 
 def _first_line(module: ModuleType | None) -> str:

@@ -1,16 +1,20 @@
-"""A short animation, and a strip for print, of the arm in contact, drawn by the driver itself."""
+"""A short animation, and a strip for print, of the arm at work, drawn by its own driver."""
 
 from __future__ import annotations
 
 import io
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
 
 from hilrig import plugins
 from hilrig.errors import HilrigError
-from hilrig.report.dataset import TrialEntry, TrialSignals
+from hilrig.report.dataset import TrialEntry
+from hilrig.report.page import Shown
+from hilrig.report.saving import data_uri
+from hilrig.signals import Array
 
 SECONDS, RATE = 3.0, 15
 WIDTH, HEIGHT = 400, 300
@@ -18,38 +22,43 @@ STRIP = 5
 COLOURS = 96
 
 
-class Animation(NamedTuple):
-    """The pictures of one trial."""
+def animation(scene: tuple[TrialEntry, Array] | None, folder: Path) -> Shown:
+    """Write figures/handrail.gif and handrail_strip.png of a trial and its joint positions (N, n) rad.
 
-    gif: bytes
-    strip: bytes
-    """PNG: some frames side by side"""
-    caption: str
-
-
-def animate(trial: TrialEntry, signals: TrialSignals) -> Animation | str:
-    """Return pictures of the trial around its first change of phase, or one line that says why there are none."""
+    A picture without source means that there is no animation; its caption says why.
+    """
+    if scene is None:
+        return _none("No trial completed: no animation.")
+    trial, joints = scene
+    kind = trial.document["driver"]["kind"]
     try:
         driver: Any = plugins.restore("drivers", dict(trial.document["driver"]))
         if not hasattr(driver, "render"):
-            return f"The driver {trial.document['driver']['kind']} does not draw itself: no animation."
-        rows = _rows(trial, signals)
-        frames = driver.render(signals.joint_position[rows], WIDTH, HEIGHT)
+            return _none(f"The driver {kind} does not draw its robot: no animation.")
+        rows = _rows(trial, joints.shape[0])
+        frames = driver.render(joints[rows], WIDTH, HEIGHT)
     except (HilrigError, ImportError) as error:
-        return f"No animation: {str(error).splitlines()[0]}."
-    pictures = [Image.fromarray(np.asarray(frame, dtype=np.uint8)) for frame in frames]
-    start, end = (float(signals.record.time[row]) for row in (rows[0], rows[-1]))
-    caption = f"{trial.controller}, condition {trial.condition}, repeat {trial.repeat}: t = {start:.1f} s to {end:.1f} s."
-    return Animation(_gif(pictures), _strip(pictures), caption)
+        return _none(f"No animation: {str(error).splitlines()[0]}.")
+    pictures = [Image.fromarray(np.ascontiguousarray(frame, dtype=np.uint8)) for frame in frames]
+    gif = _gif(pictures)
+    (folder / "figures" / "handrail.gif").write_bytes(gif)
+    (folder / "figures" / "handrail_strip.png").write_bytes(_strip(pictures))
+    start, end = rows[0] * trial.document["period"], rows[-1] * trial.document["period"]
+    caption = f"{trial.controller}, condition {trial.condition}, repeat {trial.repeat}, {start:.1f} s to {end:.1f} s."
+    return Shown("animation", "The arm at work", caption, data_uri("image/gif", gif), "handrail")
 
 
-def _rows(trial: TrialEntry, signals: TrialSignals) -> np.ndarray:
-    """Return the rows to draw: at `RATE` for `SECONDS`, around the second phase's beginning or from the start."""
-    time, phases = signals.record.time, trial.document["phases"]
+def _none(reason: str) -> Shown:
+    return Shown("animation", "", reason, "", "")
+
+
+def _rows(trial: TrialEntry, ticks: int) -> np.ndarray:
+    """Return the ticks to draw: at `RATE` for `SECONDS`, around the second phase's beginning or from the start."""
+    period, phases = trial.document["period"], trial.document["phases"]
     middle = phases[1]["start"] if len(phases) > 1 else 0.0
-    start = float(np.clip(middle - SECONDS / 2, time[0], max(time[0], time[-1] - SECONDS)))
-    wanted = start + np.arange(int(SECONDS * RATE)) / RATE
-    return np.searchsorted(time, wanted[wanted <= time[-1]])
+    start = np.clip(middle - SECONDS / 2, 0.0, max(0.0, (ticks - 1) * period - SECONDS))
+    rows = np.round((start + np.arange(int(SECONDS * RATE)) / RATE) / period).astype(int)
+    return rows[rows < ticks]
 
 
 def _gif(pictures: list[Image.Image]) -> bytes:
@@ -57,12 +66,12 @@ def _gif(pictures: list[Image.Image]) -> bytes:
     palette = pictures[0].quantize(COLOURS, dither=Image.Dither.NONE)
     frames = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     file = io.BytesIO()
-    frames[0].save(file, "GIF", save_all=True, append_images=frames[1:], duration=1000 // RATE, loop=0, optimize=True)
+    frames[0].save(file, "GIF", save_all=True, append_images=frames[1:], duration=1000 // RATE, loop=0)
     return file.getvalue()
 
 
 def _strip(pictures: list[Image.Image]) -> bytes:
-    """Return `STRIP` frames, evenly spaced in time, side by side."""
+    """Return PNG of `STRIP` frames, evenly spaced in time, side by side."""
     picked = [pictures[int(k)] for k in np.linspace(0, len(pictures) - 1, STRIP)]
     strip = Image.new("RGB", (WIDTH * STRIP + 4 * (STRIP - 1), HEIGHT), "white")
     for k, picture in enumerate(picked):
