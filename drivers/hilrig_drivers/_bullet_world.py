@@ -25,15 +25,18 @@ from hilrig_drivers._planar import tip_force
 
 @contextmanager
 def silent_output() -> Iterator[None]:
-    """Swallow what native code prints on stdout: PyBullet greets on import and at every connection."""
+    """Swallow what native code prints: PyBullet greets on import and at every connection."""
     sys.stdout.flush()
-    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
+    sys.stderr.flush()
+    kept, nowhere = (os.dup(1), os.dup(2)), os.open(os.devnull, os.O_WRONLY)
     try:
+        for stream in (1, 2):
+            os.dup2(nowhere, stream)
         yield
     finally:
-        os.dup2(kept, 1)
-        os.close(kept)
+        for stream, copy in zip((1, 2), kept, strict=True):
+            os.dup2(copy, stream)
+            os.close(copy)
         os.close(nowhere)
 
 

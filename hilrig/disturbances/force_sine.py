@@ -19,9 +19,7 @@ class ForceSine:
     acts_on: ClassVar[tuple[str, ...]] = ("plant_tip_force",)
 
     amplitude: Annotated[float, Parameter("N", "of the force", 0.0, 1e4)]
-    frequency: Annotated[
-        float, Parameter("rad/s", "angular frequency; '1 Hz' is 2 pi rad/s", 0.0, 1e4, "log")
-    ]
+    frequency: Annotated[float, Parameter("rad/s", "angular frequency; '1 Hz' is 2 pi rad/s", 0.0, 1e4, "log")]
     axis: Annotated[str, Parameter("", "task axis along which it acts")]
     angle: Annotated[float, Parameter("rad", "phase angle at its beginning")] = 0.0
     at: Annotated[float, Parameter("s", "when it begins", 0.0)] = 0.0

@@ -19,12 +19,8 @@ class SensorBias:
     acts_on: ClassVar[tuple[str, ...]] = ("wrench_error", "joint_error")
 
     force: Annotated[float, Parameter("N", "error of the measured force", -1e3, 1e3)] = 0.0
-    axis: Annotated[Literal["x", "y", "z"], Parameter("", "force component of the sensor that is wrong")] = (
-        "z"
-    )
-    joint: Annotated[
-        PerAxis, Parameter("rad", "error of the joint positions, for all or one each", -1.0, 1.0)
-    ] = 0.0
+    axis: Annotated[Literal["x", "y", "z"], Parameter("", "force component of the sensor that is wrong")] = "z"
+    joint: Annotated[PerAxis, Parameter("rad", "error of the joint positions, for all or one each", -1.0, 1.0)] = 0.0
     at: Annotated[float, Parameter("s", "when it begins", 0.0)] = 0.0
     until: Annotated[float | None, Parameter("s", "when it ends; default: never", 0.0)] = None
 

@@ -22,9 +22,7 @@ class SurfaceMotion:
     acts_on: ClassVar[tuple[str, ...]] = ("plant_surface_offset", "plant_surface_velocity")
 
     amplitude: Annotated[float, Parameter("m", "of the displacement", 0.0, 1.0)]
-    frequency: Annotated[
-        float, Parameter("rad/s", "angular frequency; '1 Hz' is 2 pi rad/s", 0.0, 1e3, "log")
-    ]
+    frequency: Annotated[float, Parameter("rad/s", "angular frequency; '1 Hz' is 2 pi rad/s", 0.0, 1e3, "log")]
     at: Annotated[float, Parameter("s", "when it begins", 0.0)] = 0.0
     ramp: Annotated[float, Parameter("s", "how long it takes to reach its amplitude", 1e-3, 1e3)] = 1.0
 

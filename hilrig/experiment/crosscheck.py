@@ -62,19 +62,13 @@ def _check_names(experiment: Experiment) -> Iterator[Finding]:
     for i, phase in enumerate(experiment.phases):
         yield from _check_name(phase.name, ("phases", i, "name"), on_key=False)
         if phase.name == ALL:
-            yield Finding(
-                ("phases", i, "name"), f"'{ALL}' stands for all phases together; give the phase another name"
-            )
-    yield from _check_unique(
-        [(p.name, ("phases", i, "name")) for i, p in enumerate(experiment.phases)], on_key=False
-    )
+            yield Finding(("phases", i, "name"), f"'{ALL}' stands for all phases together; give the phase another name")
+    yield from _check_unique([(p.name, ("phases", i, "name")) for i, p in enumerate(experiment.phases)], on_key=False)
 
 
 def _check_name(name: str, path: Keys, on_key: bool) -> Iterator[Finding]:
     if not _NAME.fullmatch(name):
-        message = (
-            f"{shown(name)} is no name; use at most 64 letters, digits, '_' and '-', no '_' or '-' first"
-        )
+        message = f"{shown(name)} is no name; use at most 64 letters, digits, '_' and '-', no '_' or '-' first"
         yield Finding(path, message, on_key)
 
 
@@ -127,15 +121,11 @@ def _check_abilities(experiment: Experiment) -> Iterator[Finding]:
         message = f"the driver cannot run with the clock '{experiment.clock}' (it can: {able})"
         yield Finding(("clock",), message)
     if experiment.actuation_delay == 0 and experiment.clock != "lockstep":
-        yield Finding(
-            ("actuation_delay",), "0 is possible with the clock 'lockstep' alone; allowed here: 1 to 10"
-        )
+        yield Finding(("actuation_delay",), "0 is possible with the clock 'lockstep' alone; allowed here: 1 to 10")
     for name, disturbances in experiment.conditions.items():
         for i, disturbance in enumerate(disturbances):
             beyond = [
-                field
-                for field in disturbance.acts_on
-                if field.startswith("plant_") and field not in abilities.inputs
+                field for field in disturbance.acts_on if field.startswith("plant_") and field not in abilities.inputs
             ]
             if beyond:
                 kind = plugins.name_of(type(disturbance))[1]

@@ -39,9 +39,7 @@ def schema() -> dict[str, Any]:
 
 def _problems(findings: Iterable[Finding], source: Document) -> list[Problem]:
     """Return the findings in the order of the file."""
-    problems = [
-        Problem(source.place(*found.path, key=found.on_key), _as_written(found, source)) for found in findings
-    ]
+    problems = [Problem(source.place(*found.path, key=found.on_key), _as_written(found, source)) for found in findings]
     return sorted(problems, key=lambda problem: (problem.place or Place("", 0, 0))[1:])
 
 

@@ -28,16 +28,12 @@ class ImpedanceSpec:
 class Task:
     """What is controlled along which axis, and with which desired dynamics."""
 
-    force_axes: Annotated[
-        tuple[str, ...], Parameter("", "axes that are force-controlled; the others follow positions")
-    ]
+    force_axes: Annotated[tuple[str, ...], Parameter("", "axes that are force-controlled; the others follow positions")]
     impedance: Annotated[ImpedanceSpec, Parameter("", "the desired dynamics")]
     velocity_cutoff: Annotated[
         float, Parameter("Hz", "cut-off frequency of the joint velocity filter", 1e-2, 1e5, "log")
     ] = 100.0
-    start: Annotated[Mapping[str, float], Parameter("m", "where the tip starts, by axis")] = field(
-        default_factory=dict
-    )
+    start: Annotated[Mapping[str, float], Parameter("m", "where the tip starts, by axis")] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -84,9 +80,7 @@ class Experiment:
     ] = field(default_factory=lambda: {"nominal": ()})
     period: Annotated[float, Parameter("s", "sampling period", 1e-4, 0.1, "log")] = 1e-3
     clock: Annotated[Literal["lockstep", "realtime"], Parameter("", "who waits for whom")] = "lockstep"
-    actuation_delay: Annotated[
-        int, Parameter("", "ticks from measurement to its command's effect", 0, 10)
-    ] = 1
+    actuation_delay: Annotated[int, Parameter("", "ticks from measurement to its command's effect", 0, 10)] = 1
     repeats: Annotated[int, Parameter("", "how often, each with its own seed", 1, 10_000)] = 1
     seed: Annotated[int, Parameter("", "of everything random", 0, 2**63 - 1)] = 0
     expect: Annotated[tuple[Expectation, ...], Parameter("", "limits to report as met or not")] = ()

@@ -40,9 +40,7 @@ def curve(times: tuple[float, ...], values: tuple[float, ...], kind: Interpolati
         value = y[index] + slope[index] * (at - t[index])
         return Samples(np.where(inside, value, rest), np.where(inside, slope[index], 0.0), np.zeros(at.shape))
     samples = _hermite(t, y, _clamped_rates(t, slope), index, at)
-    return Samples(
-        *(np.where(inside, part, outside) for part, outside in zip(samples, (rest, 0.0, 0.0), strict=True))
-    )
+    return Samples(*(np.where(inside, part, outside) for part, outside in zip(samples, (rest, 0.0, 0.0), strict=True)))
 
 
 def _hermite(t: Array, y: Array, rates: Array, index: NDArray[np.intp], at: Array) -> Samples:

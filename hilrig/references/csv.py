@@ -39,9 +39,7 @@ class Csv:
         """
         reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
         rows = list(reader)
-        times, values = (
-            self._numbers(rows, reader.fieldnames or (), name) for name in (self.time, self.column)
-        )
+        times, values = (self._numbers(rows, reader.fieldnames or (), name) for name in (self.time, self.column))
         try:
             check_points(times, values)
         except ValueError as error:
@@ -51,18 +49,14 @@ class Csv:
     def _numbers(self, rows: list[dict[str, str]], names: Sequence[str], column: str) -> tuple[float, ...]:
         if column not in names:
             there = ", ".join(names) or "none"
-            raise ValueError(
-                f"{self.file} has no column '{column}'{nearest(column, names)} (columns: {there})"
-            )
+            raise ValueError(f"{self.file} has no column '{column}'{nearest(column, names)} (columns: {there})")
         return tuple(self._number(row[column], column, line) for line, row in enumerate(rows, start=2))
 
     def _number(self, text: str | None, column: str, line: int) -> float:
         try:
             return float(text or "")
         except ValueError as error:
-            raise ValueError(
-                f"{self.file}: row {line}, column '{column}': '{text or ''}' is not a number"
-            ) from error
+            raise ValueError(f"{self.file}: row {line}, column '{column}': '{text or ''}' is not a number") from error
 
     def sample(self, time: Array, span: Span) -> Samples:
         """Return the curve at `time` (N,) s."""

@@ -23,12 +23,8 @@ class MinJerk:
     """
 
     end: Annotated[float, Parameter("m|N", "where the move ends")]
-    start: Annotated[
-        float | None, Parameter("m|N", "where it starts; default: where the phase before ended")
-    ] = None
-    duration: Annotated[
-        float | None, Parameter("s", "how long it takes; default: the phase", 1e-3, 1e5, "log")
-    ] = None
+    start: Annotated[float | None, Parameter("m|N", "where it starts; default: where the phase before ended")] = None
+    duration: Annotated[float | None, Parameter("s", "how long it takes; default: the phase", 1e-3, 1e5, "log")] = None
 
     def sample(self, time: Array, span: Span) -> Samples:
         """Return the move at `time` (N,) s.
@@ -37,9 +33,7 @@ class MinJerk:
         """
         start = self.start if self.start is not None else span.previous
         if start is None:
-            raise ValueError(
-                "min_jerk in the first phase needs 'start': there is no phase before it to start from"
-            )
+            raise ValueError("min_jerk in the first phase needs 'start': there is no phase before it to start from")
         length = span.end - span.start
         duration = self.duration if self.duration is not None else length
         if duration > length + TOLERANCE:

@@ -20,9 +20,7 @@ class Sine:
     """
 
     amplitude: Annotated[float, Parameter("m|N", "half the way from lowest to highest value", 0.0)]
-    frequency: Annotated[
-        float, Parameter("rad/s", "angular frequency; '1 Hz' is 2 pi rad/s", 0.0, 1e4, "log")
-    ]
+    frequency: Annotated[float, Parameter("rad/s", "angular frequency; '1 Hz' is 2 pi rad/s", 0.0, 1e4, "log")]
     offset: Annotated[float, Parameter("m|N", "mean value")] = 0.0
     angle: Annotated[float, Parameter("rad", "phase angle at t0")] = 0.0
     since: Literal["trial", "phase"] = "trial"

@@ -32,9 +32,9 @@ def animation(scene: tuple[TrialEntry, Array] | None, folder: Path) -> Shown:
     trial, joints = scene
     kind = trial.document["driver"]["kind"]
     try:
-        driver: Any = plugins.restore("drivers", dict(trial.document["driver"]))
-        if not hasattr(driver, "render"):
+        if not hasattr(plugins.load("drivers", kind), "render"):
             return _none(f"The driver {kind} does not draw its robot: no animation.")
+        driver: Any = plugins.restore("drivers", dict(trial.document["driver"]))
         rows = _rows(trial, joints.shape[0])
         frames = driver.render(joints[rows], WIDTH, HEIGHT)
     except (HilrigError, ImportError) as error:

@@ -1,24 +1,27 @@
 """Who was best, as far as the repeats allow one to say: summary, verdicts and the difference of two runs.
 
-The rule. A cell is one metric on one axis in one phase of one condition. Repeat i is the same world for every controller,
-so values are compared in pairs, over the repeats that both completed. The controller with the lowest mean is marked best
-only if against every other controller the paired difference has a 95 % Student t interval above zero, from three pairs
-or more. Where repeats are identical to the last bit there is no spread to judge: any difference above rounding marks it,
-and the table says that the repeats are identical. A single repeat, or two that differ, mark nobody.
+The rule. A cell is one metric on one axis in one phase of one condition. Repeat i is the same world for every
+controller, so values are compared in pairs, over the repeats that both completed. The controller with the lowest mean
+is marked best only if against every other controller the paired difference has a 95 % Student t interval above zero,
+from three pairs or more. Where repeats are identical to the last bit there is no spread to judge: any difference above
+rounding marks it, and the table says that the repeats are identical. A single repeat, or two that differ, mark nobody.
+Cells are judged one by one, without correction for their number: about one in twenty ties of a pair may be marked.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy import special
 
 CELL = ["condition", "phase", "metric", "axis"]
 LEAST_PAIRS = 3
 ROUNDING = 1e-9
 """Relative difference below which two values count as equal"""
+
 
 def interval(differences: np.ndarray) -> tuple[float, float]:
     """Return the 95 % t interval of the mean of `differences` (n,); (-inf, inf) for n < 2 or non-finite values."""
@@ -26,7 +29,7 @@ def interval(differences: np.ndarray) -> tuple[float, float]:
     if n < 2 or not np.all(np.isfinite(differences)):
         return -np.inf, np.inf
     mean = float(np.mean(differences))
-    half = stats.t.ppf(0.975, n - 1) * float(np.std(differences, ddof=1)) / np.sqrt(n)
+    half = special.stdtrit(n - 1, 0.975) * float(np.std(differences, ddof=1)) / np.sqrt(n)
     return mean - half, mean + half
 
 
@@ -83,7 +86,8 @@ def _against(pairs: np.ndarray) -> tuple[bool, str]:
 def _close(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return where two values are equal up to rounding; infinities of one sign are equal."""
     with np.errstate(invalid="ignore"):
-        return (a == b) | (np.abs(a - b) <= ROUNDING * np.maximum(np.abs(a), np.abs(b)))
+        near = np.abs(a - b) <= ROUNDING * np.maximum(np.abs(a), np.abs(b))
+    return (a == b) | (np.isfinite(a) & np.isfinite(b) & near)
 
 
 def summarise(metrics: pd.DataFrame) -> pd.DataFrame:
@@ -99,8 +103,8 @@ def summarise(metrics: pd.DataFrame) -> pd.DataFrame:
 def verdicts(metrics: pd.DataFrame) -> dict[tuple[str, str, str, str], Verdict]:
     """Return the verdict of every cell, by (condition, phase, metric, axis), in the table's order."""
     found: dict[tuple[str, str, str, str], Verdict] = {}
-    for cell, rows in metrics.groupby(CELL, sort=False):
-        condition, phase, metric, axis = (str(part) for part in cell)
+    cells: Any = metrics.groupby(CELL, sort=False)
+    for (condition, phase, metric, axis), rows in cells:
         values = rows.pivot(index="repeat", columns="controller", values="value")
         found[condition, phase, metric, axis] = verdict(values)
     return found

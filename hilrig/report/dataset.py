@@ -14,6 +14,7 @@ import numpy as np
 from hilrig import plugins
 from hilrig.errors import RunDirectoryError
 from hilrig.interfaces import Impedance, per_axis
+from hilrig.messages.codec import definition
 from hilrig.metrics._record import PhaseRecord
 from hilrig.recording.bag import read_bag
 from hilrig.signals import WRENCH_AXES, Array
@@ -21,8 +22,8 @@ from hilrig.signals import WRENCH_AXES, Array
 ALL_PHASES = "all"
 """Name of the span over every phase."""
 
-CHANNELS = ("state", "truth", "command", "internals", "driver_timing")
-"""The channels a report needs"""
+CHANNELS = ("truth", "command", "internals", "driver_timing")
+"""The channels a report needs; instead of a truth that the driver does not know, what was measured"""
 
 Document = Mapping[str, Any]
 Channels = dict[str, dict[str, np.ndarray]]
@@ -128,16 +129,21 @@ def _read_json(path: Path) -> dict[str, Any] | None:
 
 def read_signals(trial: TrialEntry) -> TrialSignals | None:
     """Read one trial's bag; None if it has none, or too few ticks to say anything (fewer than 2)."""
+    return align(read_channels(trial), trial.document)
+
+
+def read_channels(trial: TrialEntry) -> Channels:
+    """Return the channels of one trial's bag that a report needs; empty if it has no bag."""
     bag = trial.folder / "bag.mcap"
-    if not bag.exists():
-        return None
-    return align(read_bag(bag, CHANNELS), trial.document)
+    channels = read_bag(bag, CHANNELS) if bag.exists() else {}
+    return channels if "truth" in channels or not channels else {**channels, **read_bag(bag, ("state",))}
 
 
 def align(channels: Channels, document: Document) -> TrialSignals | None:
     """Bring a bag's channels onto their common ticks and name them for the metrics; None for fewer than 2 ticks."""
-    needed = [name for name in ("state", "command", "internals", "truth") if name in channels]
-    if not {"state", "command", "internals"} <= set(needed):
+    plant = "truth" if "truth" in channels else "state"
+    needed = [name for name in (plant, "command", "internals") if name in channels]
+    if len(needed) < 3:
         return None
     ticks = reduce(np.intersect1d, [channels[name]["tick"] for name in needed])
     if ticks.size < 2:
@@ -145,7 +151,7 @@ def align(channels: Channels, document: Document) -> TrialSignals | None:
     picked = {name: _pick(channels[name], ticks) for name in needed}
     axes = task_axes(document)
     source = picked.get("truth", picked["internals"])
-    wrench = picked.get("truth", picked["state"])["wrench"]
+    wrench = picked[plant]["wrench"]
     record = _record(picked, source, wrench, axes, document, _late(channels.get("driver_timing"), ticks))
     return TrialSignals(record, _memory(picked["internals"]), "truth" if "truth" in picked else "measurement")
 
@@ -166,9 +172,7 @@ def _late(timing: dict[str, np.ndarray] | None, ticks: np.ndarray) -> Array:
     return late
 
 
-_STANDARD = frozenset(
-    ["tick", "time", "position", "velocity", "force", "reference_position", "reference_velocity", "reference_acceleration", "reference_force"]
-)
+_STANDARD = frozenset(field.name for field in definition("Internals").fields)
 
 
 def _memory(internals: dict[str, np.ndarray]) -> dict[str, Array]:
@@ -185,12 +189,12 @@ def _record(
     document: Document,
     late: Array,
 ) -> PhaseRecord:
-    internals, time = picked["internals"], picked["state"]["time"]
+    internals, time = picked["internals"], picked["command"]["time"]
     velocity = source["velocity"]
     impedance = impedance_of(document, axes)
     desired = internals["reference_position"]
     return PhaseRecord(
-        tick=picked["state"]["tick"],
+        tick=picked["command"]["tick"],
         time=time,
         phases=len(document["phases"]),
         period=document["period"],

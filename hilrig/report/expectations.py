@@ -8,6 +8,8 @@ from typing import Any
 
 import pandas as pd
 
+KEYS = ("metric", "controller", "phase", "axis", "condition")
+
 
 @dataclass(frozen=True)
 class Expected:
@@ -26,19 +28,20 @@ def judge(expectations: Sequence[Mapping[str, Any]], metrics: pd.DataFrame) -> l
 
 
 def _judge(expectation: Mapping[str, Any], metrics: pd.DataFrame) -> Expected:
-    rows = metrics
-    for column in ("metric", "controller", "phase", "axis", "condition"):
-        wanted = expectation.get(column)
-        if wanted is not None:
-            rows = rows[rows[column] == wanted]
+    keys = [key for key in KEYS if expectation.get(key) is not None]
+    rows = [row for row in metrics.to_dict("records") if all(row[key] == expectation[key] for key in keys)]
     below, above = expectation.get("below"), expectation.get("above")
-    unit = rows["unit"].iloc[0] if len(rows) else ""
-    bounds = [f"{word} {limit:g} {unit}".strip() for word, limit in (("below", below), ("above", above)) if limit is not None]
-    where = " ".join(str(expectation[key]) for key in ("axis", "condition") if expectation.get(key))
-    text = f"{expectation['metric']} of {expectation['controller']}, phase {expectation.get('phase', 'all')}"
-    text = f"{text}{', ' + where if where else ''}: {' and '.join(bounds)}"
-    values = rows["value"]
-    if values.empty:
+    text = _text(expectation, str(rows[0]["unit"]) if rows else "")
+    values = [float(row["value"]) for row in rows]
+    if not values:
         return Expected(text, None, met=False)
-    met = (below is None or bool((values < below).all())) and (above is None or bool((values > above).all()))
-    return Expected(text, float(values.max() if below is not None else values.min()), met)
+    met = all((below is None or value < below) and (above is None or value > above) for value in values)
+    return Expected(text, max(values) if below is not None else min(values), met)
+
+
+def _text(expectation: Mapping[str, Any], unit: str) -> str:
+    limits = ((word, expectation.get(word)) for word in ("below", "above"))
+    bounds = " and ".join(f"{word} {limit:g} {unit}".strip() for word, limit in limits if limit is not None)
+    where = "".join(f", {expectation[key]}" for key in ("axis", "condition") if expectation.get(key))
+    subject = f"{expectation['metric']} of {expectation['controller']}, phase {expectation.get('phase', 'all')}"
+    return f"{subject}{where}: {bounds}"

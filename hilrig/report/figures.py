@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +10,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from hilrig.report.curves import Curve, limits, thin, window
 from hilrig.report.dataset import TrialEntry, TrialSignals
@@ -34,7 +36,7 @@ class Drawn:
     @property
     def end(self) -> float:
         """Last time shown, s."""
-        return max(float(signals.record.time[-1]) for _, signals in self.trials.values())
+        return max(float(s.record.time[-1]) + s.record.period for _, s in self.trials.values())
 
     @property
     def phases(self) -> list[Any]:
@@ -62,13 +64,14 @@ def _position(drawn: Drawn) -> list[Picture]:
     for i, axis in enumerate(record.axes):
         if record.sigma[i] != 1:
             continue
-        reference = (record.time, record.reference_position[:, i])
         longest = max((s.record for _, s in drawn.trials.values()), key=lambda r: r.time.size)
         reference = (longest.time, longest.reference_position[:, i])
         values = _curves(drawn, lambda s, i=i: s.record.position[:, i])
         errors = _curves(drawn, lambda s, axis=axis: s.record.position_error()[axis])
         pictures += [
-            _with_zoom(drawn, f"position_{axis}", f"Position tracking, {axis}", f"position {axis}", "m", values, reference),
+            _with_zoom(
+                drawn, f"position_{axis}", f"Position tracking, {axis}", f"position {axis}", "m", values, reference
+            ),
             _with_zoom(drawn, f"position_error_{axis}", f"Position error, {axis}", f"error {axis}", "m", errors, None),
         ]
     return pictures
@@ -107,7 +110,7 @@ def zoom_windows(phases: list[Any], end: float) -> list[tuple[str, float, float]
     """Return (title, from, to) of the enlarged stretches: the start, each change of phase, and the end."""
     first = phases[0]["end"] - phases[0]["start"]
     windows = [("start", 0.0, min(2.0, first / 2, end))]
-    for before, after in zip(phases, phases[1:], strict=False):
+    for before, after in itertools.pairwise(phases):
         if after["start"] < end:
             lead = min(0.5, (before["end"] - before["start"]) / 4)
             tail = min(2.5, (after["end"] - after["start"]) / 2)
@@ -146,7 +149,12 @@ def _with_zoom(
 
 
 def _panel(
-    axes: Axes, curves: list[Curve], reference: tuple[Array, Array] | None, label: str, unit: str, span: tuple[float, float]
+    axes: Axes,
+    curves: list[Curve],
+    reference: tuple[Array, Array] | None,
+    label: str,
+    unit: str,
+    span: tuple[float, float],
 ) -> tuple[str, ...]:
     """Draw curves over `span` and return what the limits had to leave out; it is written on the panel too."""
     wanted = None
@@ -171,14 +179,14 @@ def draw(axes: Axes, curve: Curve, depth: float) -> None:
     axes.plot(*thin(curve.time, curve.values), color=style.colour, linestyle=style.dash, zorder=depth)
 
 
-def canvas(rows: int, columns: int, first: float, other: float) -> tuple[Figure, Any]:
+def canvas(rows: int, columns: int, first: float, other: float, top: float = TOP) -> tuple[Figure, Any]:
     """Return a figure across two columns and its grid; heights of the first and the other rows in inches."""
     gap = 0.52
-    height = TOP + BOTTOM + first + (rows - 1) * (other + gap)
+    height = top + BOTTOM + first + (rows - 1) * (other + gap)
     figure = Figure(figsize=(TWO_COLUMNS, height))
-    inner = (height - TOP - BOTTOM) / rows - gap * (rows - 1) / rows
+    inner = (height - top - BOTTOM) / rows - gap * (rows - 1) / rows
     grid = figure.add_gridspec(
-        rows, columns, left=LEFT / TWO_COLUMNS, right=1 - RIGHT / TWO_COLUMNS, top=1 - TOP / height,
+        rows, columns, left=LEFT / TWO_COLUMNS, right=1 - RIGHT / TWO_COLUMNS, top=1 - top / height,
         bottom=BOTTOM / height, hspace=gap / inner, wspace=0.24,
         height_ratios=[first, *[other] * (rows - 1)],
     )  # fmt: skip
@@ -205,9 +213,9 @@ def _mark_phases(axes: Axes, drawn: Drawn) -> None:
 def _legend(figure: Figure, drawn: Drawn, reference: bool) -> None:
     """Name the curves above the panels."""
     looks = {name: look for name, look in styles(drawn.controllers).items() if name in drawn.trials}
-    handles = [mpl.lines.Line2D([], [], color=s.colour, linestyle=s.dash, label=name) for name, s in looks.items()]
+    handles = [Line2D([], [], color=s.colour, linestyle=s.dash, label=name) for name, s in looks.items()]
     if reference:
-        handles.insert(0, mpl.lines.Line2D([], [], color=REFERENCE, linewidth=0.7, label="reference"))
+        handles.insert(0, Line2D([], [], color=REFERENCE, linewidth=0.7, label="reference"))
     height = figure.get_size_inches()[1]
     figure.legend(handles=handles, loc="upper left", ncols=min(6, len(handles)), borderaxespad=0,
                   bbox_to_anchor=(LEFT / TWO_COLUMNS, 1 - 0.06 / height), columnspacing=1.6)  # fmt: skip

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import ast
 import inspect
+import itertools
 import re
 
 import matplotlib as mpl
+from matplotlib.axes import Axes
 
 from hilrig import plugins
 from hilrig.errors import HilrigError
 from hilrig.report.curves import Curve, limits
 from hilrig.report.dataset import TrialEntry, TrialSignals
-from hilrig.report.figures import LEFT, Picture, canvas, draw
+from hilrig.report.figures import Picture, canvas, draw
 from hilrig.report.style import COLOURS, RC, Style
 
 COLUMNS = 3
@@ -33,7 +35,7 @@ def memory_documents(kind: str) -> dict[str, str]:
     except (HilrigError, OSError, TypeError, SyntaxError):
         return {}
     bodies = [node.body for node in tree.body if isinstance(node, ast.ClassDef) and node.name == "Memory"]
-    pairs = [pair for body in bodies for pair in zip(body, body[1:], strict=False)]
+    pairs = [pair for body in bodies for pair in itertools.pairwise(body)]
     return {
         field.target.id: inspect.cleandoc(text.value.value)
         for field, text in pairs
@@ -56,7 +58,7 @@ def internals_figure(trial: TrialEntry, signals: TrialSignals) -> Picture | None
     documents = memory_documents(trial.document["controller"]["kind"])
     with mpl.rc_context(RC):
         rows = -(-len(fields) // COLUMNS)
-        figure, grid = canvas(rows, COLUMNS, 1.25, 1.25)
+        figure, grid = canvas(rows, COLUMNS, 1.25, 1.25, top=0.25)
         figure.subplots_adjust(wspace=0.42)
         grid.update(wspace=0.42)
         notes: list[str] = []
@@ -68,7 +70,7 @@ def internals_figure(trial: TrialEntry, signals: TrialSignals) -> Picture | None
     return Picture(f"internals_{trial.controller}", f"Internals of {trial.controller}", text, figure)
 
 
-def _memory_panel(axes: mpl.axes.Axes, name: str, signals: TrialSignals, document: str) -> tuple[str, ...]:
+def _memory_panel(axes: Axes, name: str, signals: TrialSignals, document: str) -> tuple[str, ...]:
     """Draw all components of one field."""
     record, values = signals.record, signals.internals[name]
     count = values.shape[1]
@@ -90,7 +92,7 @@ def _memory_panel(axes: mpl.axes.Axes, name: str, signals: TrialSignals, documen
     return bounds.notes
 
 
-def _name_components(axes: mpl.axes.Axes, labels: list[str]) -> None:
+def _name_components(axes: Axes, labels: list[str]) -> None:
     """Name the components in their colours at the panel's upper right, or count them where they are many."""
     if len(labels) == 1:
         return
@@ -99,6 +101,3 @@ def _name_components(axes: mpl.axes.Axes, labels: list[str]) -> None:
         colour = COLOURS[len(shown) - 1 - i] if len(labels) <= NAMED else "#444444"
         axes.annotate(label, (1.0, 1.0), xycoords="axes fraction", xytext=(-10 * i, 3), textcoords="offset points",
                       ha="right", va="bottom", fontsize=7, color=colour, fontweight="bold")  # fmt: skip
-
-
-__all__ = ["LEFT", "internals_figure", "memory_documents", "unit_of"]

@@ -11,11 +11,10 @@ from typing import Any
 import pandas as pd
 
 from hilrig.errors import RunDirectoryError
-from hilrig.recording.bag import read_bag
 from hilrig.recording.run_directory import find_run, write_json
 from hilrig.report.animation import animation
 from hilrig.report.comparison import Verdict, summarise, verdicts
-from hilrig.report.dataset import CHANNELS, RunData, TrialEntry, TrialSignals, align, load_run
+from hilrig.report.dataset import RunData, TrialEntry, TrialSignals, align, load_run, read_channels
 from hilrig.report.expectations import Expected, judge
 from hilrig.report.figures import Drawn, comparison_figures
 from hilrig.report.internals import internals_figure
@@ -86,13 +85,12 @@ def _read_all(data: RunData, drawn: Mapping[str, Mapping[str, TrialEntry]]) -> d
 
 
 def _read(trial: TrialEntry, keep: bool) -> _Read | None:
-    bag = trial.folder / "bag.mcap"
-    channels = read_bag(bag, CHANNELS) if bag.exists() else {}
+    channels = read_channels(trial)
     signals = align(channels, trial.document)
     if signals is None:
         return None
     rows = measure(trial, signals, all_metrics()) if trial.completed else []
-    joints = channels.get("truth", channels["state"])["joint_position"] if keep else None
+    joints = channels["truth" if "truth" in channels else "state"]["joint_position"] if keep else None
     return _Read(rows, signals if keep else None, joints, signals.source)
 
 
@@ -116,9 +114,7 @@ def _signals(read: _Read) -> TrialSignals:
     return read.signals
 
 
-def _scene(
-    drawn: Mapping[str, Mapping[str, TrialEntry]], reads: Mapping[str, _Read]
-) -> tuple[TrialEntry, Any] | None:
+def _scene(drawn: Mapping[str, Mapping[str, TrialEntry]], reads: Mapping[str, _Read]) -> tuple[TrialEntry, Any] | None:
     """Return the trial to animate, the first that is drawn and completed, with its joint positions."""
     for trials in drawn.values():
         for trial in trials.values():
@@ -138,7 +134,7 @@ def _summary(
         {"condition": cell[0], "phase": cell[1], "metric": cell[2], "axis": cell[3], **vars(verdict)}
         for cell, verdict in judged.items()
     ]
-    values = json.loads(summary.to_json(orient="records"))
+    values = json.loads(summary.to_json(orient="records") or "[]")
     outcomes = [{"trial": trial.id, **trial.outcome} for trial in data.trials]
     return {
         "name": data.manifest.get("name"), "question": data.experiment.get("question"), "verdicts": cells,

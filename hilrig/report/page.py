@@ -62,7 +62,7 @@ def render_page(content: Content) -> str:
     """Return the page as HTML."""
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     environment.filters["number"] = number
-    template = environment.from_string(resources.files(__package__).joinpath("page.html.j2").read_text("utf-8"))
+    template = environment.from_string(resources.files("hilrig.report").joinpath("page.html.j2").read_text("utf-8"))
     run, manifest = content.run, content.run.manifest
     return template.render(
         run=run,
@@ -96,6 +96,7 @@ def _timing(trial: TrialEntry) -> dict[str, Any]:
     """Return one row of the timing table; None for what is not known."""
     outcome, timing = trial.outcome, trial.timing
     channels = outcome.get("channels") or {}
+    lost = [counts["lost"] for counts in channels.values()]
     return {
         "trial": trial.id,
         "outcome": outcome["outcome"],
@@ -105,7 +106,7 @@ def _timing(trial: TrialEntry) -> dict[str, Any]:
         "lateness": timing.get("lateness_us"),
         "round_trip": timing.get("round_trip_us"),
         "compute": timing.get("compute_us"),
-        "lost": sum(counts["lost"] for counts in channels.values()) if channels else None,
+        "lost": None if not channels or None in lost else sum(lost),
     }
 
 
@@ -120,5 +121,5 @@ def number(value: float | None, digits: int = 3) -> str:
     size = math.floor(math.log10(abs(value)))
     if size >= 6 or size < -5:
         mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
-        return f"{mantissa} · 10^{int(exponent)}".replace("-", "−")
+        return f"{mantissa}e{int(exponent)}".replace("-", "−")
     return f"{value:.{max(0, digits - 1 - size)}f}".replace("-", "−")

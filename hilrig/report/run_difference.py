@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -41,7 +42,8 @@ def compare(run_a: Path, run_b: Path) -> pd.DataFrame:
     )
     both = joined.dropna(subset=["value_a", "value_b"])
     paired = a.manifest.get("seed") == b.manifest.get("seed")
-    rows = [_row(key, rows, paired) for key, rows in both.groupby(KEY, sort=False)]
+    groups: Any = both.groupby(KEY, sort=False)
+    rows = [_row(key, rows, paired) for key, rows in groups]
     columns = [*KEY, "unit", "a", "b", "difference", "relative", "low", "high", "repeats"]
     result = pd.DataFrame(rows, columns=columns)
     result.attrs["notes"] = _notes(a, b, len(joined) - len(both))
@@ -51,10 +53,11 @@ def compare(run_a: Path, run_b: Path) -> pd.DataFrame:
 def _row(key: tuple[str, ...], rows: pd.DataFrame, paired: bool) -> tuple[object, ...]:
     a, b = rows["value_a"].to_numpy(), rows["value_b"].to_numpy()
     with np.errstate(invalid="ignore", divide="ignore"):
-        difference = float(np.mean(b - a))
-        relative = difference / abs(float(np.mean(a)))
-    low, high = interval(b - a) if paired else (-np.inf, np.inf)
-    return (*key, rows["unit"].iloc[0], np.mean(a), np.mean(b), difference, relative, low, high, len(rows))
+        differences = b - a
+        relative = np.mean(differences) / np.abs(np.mean(a))
+    low, high = interval(differences) if paired else (-np.inf, np.inf)
+    means = (np.mean(a), np.mean(b), np.mean(differences))
+    return (*key, rows["unit"].iloc[0], *means, relative, low, high, len(rows))
 
 
 def _notes(a: RunData, b: RunData, unmatched: int) -> list[str]:
@@ -76,7 +79,8 @@ def _notes(a: RunData, b: RunData, unmatched: int) -> list[str]:
 def render(differences: pd.DataFrame) -> str:
     """Return the table of `compare` as text for a terminal: "*" where the interval excludes zero, then the notes."""
     lines = [f"{'controller':14} {'condition':12} {'phase':10} {'metric':28} {'a':>11} {'b':>11} {'b - a':>11} {'':>8}"]
-    for row in differences.itertuples():
+    rows: Any = differences.itertuples()
+    for row in rows:
         name = f"{row.metric} {row.axis} [{row.unit}]".replace("  ", " ") if row.unit else f"{row.metric} {row.axis}"
         mark = "*" if row.low > 0 or row.high < 0 else ""
         change = f"{row.relative:+.1%}" if np.isfinite(row.relative) else ""

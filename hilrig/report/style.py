@@ -10,12 +10,19 @@ TWO_COLUMNS = 7.16
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#6B4C1E", "#8A8A8A")
 """Okabe and Ito's, without the yellow that vanishes on white; brown and grey follow"""
 
-DASHES: tuple[Any, ...] = ("-", (0, (5, 1.4)), (0, (5, 1.2, 1, 1.2)), (0, (1.4, 1)), (0, (8, 2)), (0, (3, 1, 1, 1, 1, 1)))
+DASHES: tuple[Any, ...] = (
+    "-",
+    (0, (5, 1.4)),
+    (0, (5, 1.2, 1, 1.2)),
+    (0, (1.4, 1)),
+    (0, (8, 2)),
+    (0, (3, 1, 1, 1, 1, 1)),
+)
 
 REFERENCE = "#1a1a1a"
 QUIET = "#8c8c8c"
 
-RC: dict[str, Any] = {
+RC: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 8,
     "axes.labelsize": 8,
@@ -46,8 +53,8 @@ RC: dict[str, Any] = {
     "svg.hashsalt": "hilrig",
     "path.simplify": True,
     "axes.formatter.useoffset": False,
-    "axes.formatter.limits": (-3, 4),
-    "axes.formatter.use_mathtext": True,
+    "axes.formatter.limits": (-5, 5),
+    "axes.formatter.use_mathtext": False,
 }
 
 

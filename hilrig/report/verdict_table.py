@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import pandas as pd
 
@@ -48,28 +49,38 @@ def verdict_tables(
     summary: pd.DataFrame, verdicts: Mapping[Cell, Verdict], controllers: tuple[str, ...]
 ) -> list[Table]:
     """Return a table for each condition and phase, the phases in their order and the whole trial last."""
-    tables = []
-    for (condition, phase), rows in summary.groupby(["condition", "phase"], sort=False):
-        cells = rows.groupby(["metric", "axis", "unit"], sort=False)
-        lines = [
-            _row(part, verdicts[str(condition), str(phase), metric, axis], metric, axis, unit, controllers)
-            for (metric, axis, unit), part in cells
-        ]
-        tables.append(Table(str(condition), str(phase), lines))
-    return tables
+    values = by_cell(summary)
+    spans = dict.fromkeys((cell[0], cell[1]) for cell in values)
+    return [
+        Table(condition, phase, [_row(cell, rows, verdicts[cell], controllers) for cell, rows in values.items()
+                                 if cell[:2] == (condition, phase)])
+        for condition, phase in spans
+    ]  # fmt: skip
 
 
-def _row(
-    part: pd.DataFrame, verdict: Verdict, metric: str, axis: str, unit: str, controllers: tuple[str, ...]
-) -> Row:
-    values = {str(row["controller"]): row for _, row in part.iterrows()}
+def by_cell(summary: pd.DataFrame) -> dict[Cell, dict[str, dict[str, Any]]]:
+    """Return the rows of a summary by cell and controller."""
+    found: dict[Cell, dict[str, dict[str, Any]]] = {}
+    for row in summary.to_dict("records"):
+        cell = (str(row["condition"]), str(row["phase"]), str(row["metric"]), str(row["axis"]))
+        found.setdefault(cell, {})[str(row["controller"])] = {str(key): value for key, value in row.items()}
+    return found
+
+
+def _row(cell: Cell, values: Mapping[str, Mapping[str, Any]], verdict: Verdict, controllers: tuple[str, ...]) -> Row:
+    factor, unit = shown_unit(next(iter(values.values()))["unit"])
     entries = [
-        Entry(float(values[name]["mean"]), float(values[name]["sd"]), verdict.best == name)
+        Entry(factor * values[name]["mean"], factor * values[name]["sd"], verdict.best == name)
         if name in values
         else Entry(None, None, best=False)
         for name in controllers
     ]
-    return Row(metric, axis, unit, entries, verdict.basis)
+    return Row(cell[2], cell[3], unit, entries, verdict.basis)
+
+
+def shown_unit(unit: str) -> tuple[float, str]:
+    """Return the factor and the unit in which people read a value: lengths here are millimetres."""
+    return (1000.0, "mm") if unit == "m" else (1.0, unit)
 
 
 def answer(verdicts: Mapping[Cell, Verdict], summary: pd.DataFrame, controllers: tuple[str, ...]) -> list[str]:
@@ -77,29 +88,24 @@ def answer(verdicts: Mapping[Cell, Verdict], summary: pd.DataFrame, controllers:
     if len(controllers) < 2:
         return [f"Only one controller, {controllers[0]}, was run: there is nothing to compare."]
     conditions = list(dict.fromkeys(cell[0] for cell in verdicts))
-    sentences = [_sentence(condition, verdicts, summary) for condition in conditions]
+    values = by_cell(summary)
+    sentences = [_sentence(condition, verdicts, values) for condition in conditions]
     marks = [verdict.best for verdict in verdicts.values()]
     counts = ", ".join(f"{name} {marks.count(name)}" for name in controllers)
     none = marks.count(None)
     return [*sentences, f"Marked best in {len(marks)} cells of the table: {counts}; nobody in {none}."]
 
 
-def _sentence(condition: str, verdicts: Mapping[Cell, Verdict], summary: pd.DataFrame) -> str:
+def _sentence(condition: str, verdicts: Mapping[Cell, Verdict], values: Mapping[Cell, Any]) -> str:
+    named = [cell for cell in verdicts if cell[:2] == (condition, ALL_PHASES) and cell[2] in HEADLINES]
     parts = []
-    for (where, phase, metric, axis), verdict in verdicts.items():
-        if where != condition or phase != ALL_PHASES or metric not in HEADLINES:
-            continue
-        name = f"{metric.replace('_rmse', ' RMSE').replace('_', ' ')} {axis}".strip()
+    for cell in sorted(named, key=lambda cell: HEADLINES.index(cell[2])):
+        verdict = verdicts[cell]
+        name = f"{cell[2].replace('_rmse', ' RMSE').replace('_', ' ')} {cell[3]}".strip()
         if verdict.best is None:
             parts.append(f"no verdict on {name} ({verdict.basis})")
         else:
-            parts.append(f"{verdict.best} has the lowest {name} ({_mean(summary, (where, phase, metric, axis), verdict.best)})")
+            row = values[cell][verdict.best]
+            factor, unit = shown_unit(row["unit"])
+            parts.append(f"{verdict.best} has the lowest {name} ({factor * row['mean']:.3g} {unit})")
     return f"{condition}: {'; '.join(parts)}."
-
-
-def _mean(summary: pd.DataFrame, cell: Cell, controller: str) -> str:
-    keys = ["condition", "phase", "metric", "axis", "controller"]
-    chosen = summary
-    for key, value in zip(keys, (*cell, controller), strict=True):
-        chosen = chosen[chosen[key] == value]
-    return f"{chosen['mean'].iloc[0]:.3g} {chosen['unit'].iloc[0]}"

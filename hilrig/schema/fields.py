@@ -17,9 +17,7 @@ def settable(cls: type) -> list[tuple[dataclasses.Field[Any], Any, Parameter]]:
     try:
         hints = get_type_hints(cls, include_extras=True)
     except NameError as error:
-        raise PluginError(
-            f"a field of {cls.__name__} has an annotation that is not defined: {error}"
-        ) from error
+        raise PluginError(f"a field of {cls.__name__} has an annotation that is not defined: {error}") from error
     result = []
     for field in dataclasses.fields(cls):
         if not field.metadata.get("filled"):

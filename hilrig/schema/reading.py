@@ -61,15 +61,11 @@ def _kind(group: str, allowed: type | None, data: Any, context: Context) -> Any:
     """
     known = plugins.kinds(group)
     if not isinstance(data, dict) or "kind" not in data:
-        found = (
-            "'kind' is missing" if isinstance(data, dict) else f"{shown(data)} is not a mapping with 'kind'"
-        )
+        found = "'kind' is missing" if isinstance(data, dict) else f"{shown(data)} is not a mapping with 'kind'"
         raise InvalidError([Finding((), f"{found}; kinds of {group}: {', '.join(known)}")])
     kind = data["kind"]
     if not isinstance(kind, str):
-        raise InvalidError(
-            [Finding(("kind",), f"{shown(kind)} is not a kind of {group} (known: {', '.join(known)})")]
-        )
+        raise InvalidError([Finding(("kind",), f"{shown(kind)} is not a kind of {group} (known: {', '.join(known)})")])
     try:
         cls = plugins.load(group, kind, context.base)
     except PluginError as error:
@@ -231,9 +227,7 @@ def _findings(error: ValidationError, cls: type) -> list[Finding]:
         elif item["type"] == "extra_forbidden":
             key = str(path[-1])
             allowed = f" (allowed: {', '.join(allowed_names)})" if allowed_names else " (there are none)"
-            result.append(
-                Finding(path, f"unknown key '{key}'{nearest(key, allowed_names)}{allowed}", on_key=True)
-            )
+            result.append(Finding(path, f"unknown key '{key}'{nearest(key, allowed_names)}{allowed}", on_key=True))
         elif item["type"] == "missing":
             result.append(Finding(path[:-1], f"'{path[-1]}' is missing{meaning(cls, str(path[-1]))}"))
         else:

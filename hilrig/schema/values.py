@@ -76,9 +76,7 @@ def read_number(value: Any, form: Form, parameter: Parameter) -> Any:
 def _one(value: Any, form: Form, parameter: Parameter) -> float | int:
     if form.whole:
         if isinstance(value, bool) or not isinstance(value, int):
-            raise ValueError(
-                f"{shown(value)} is not a whole number; this needs {_described(form, parameter)}"
-            )
+            raise ValueError(f"{shown(value)} is not a whole number; this needs {_described(form, parameter)}")
         number: float | int = value
     else:
         number = quantity(value, parameter.unit)

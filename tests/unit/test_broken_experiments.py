@@ -242,11 +242,7 @@ def test_missing_file_and_directory(tmp_path: Path) -> None:
 
 
 def test_all_problems_are_reported_together_in_the_order_of_the_file(tmp_path: Path) -> None:
-    text = (
-        GOOD.replace("1 ms", "3 kg")
-        .replace("duration: 4 s", "duration: -1")
-        .replace("{kind: pd}", "{kind: pdd}")
-    )
+    text = GOOD.replace("1 ms", "3 kg").replace("duration: 4 s", "duration: -1").replace("{kind: pd}", "{kind: pdd}")
     path, _ = broken_file(tmp_path, text)
     _, error = problems_of(path)
     assert [problem.place.line for problem in error.problems if problem.place] == [4, 14, 20]

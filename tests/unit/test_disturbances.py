@@ -45,9 +45,7 @@ def applied(*disturbances: Disturbance, seed: int = 0, time: Any = TIME) -> Inpu
 def changed(inputs: Inputs) -> set[str]:
     """Return the names of the fields that are not as in quiet inputs."""
     quiet = Inputs.quiet(TIME.size, 2, len(AXES))
-    return {
-        name for name in Inputs._fields if not np.array_equal(getattr(inputs, name), getattr(quiet, name))
-    }
+    return {name for name in Inputs._fields if not np.array_equal(getattr(inputs, name), getattr(quiet, name))}
 
 
 def test_every_kind_has_an_example() -> None:

@@ -181,12 +181,8 @@ def branches(node: Any, kind: str) -> list[dict[str, Any]]:
 def test_the_schema_knows_every_key_of_an_experiment() -> None:
     document = json.loads(json.dumps(schema()))
     assert document["additionalProperties"] is False
-    assert {"hilrig", "name", "question", "driver", "task", "phases", "controllers"} == set(
-        document["required"]
-    )
-    assert set(document["properties"]) == {
-        name for name in Experiment.__dataclass_fields__ if name != "source"
-    }
+    assert {"hilrig", "name", "question", "driver", "task", "phases", "controllers"} == set(document["required"])
+    assert set(document["properties"]) == {name for name in Experiment.__dataclass_fields__ if name != "source"}
     assert document["properties"]["clock"]["enum"] == ["lockstep", "realtime"]
 
 

@@ -107,9 +107,7 @@ def test_references_change_at_the_phases_first_tick(tmp_path: Path) -> None:
     assert reference.force[700].tolist() == [0.0, 4.0]
     assert reference.position.shape == reference.acceleration.shape == (1000, 2)
     assert not reference.position[:, 1].any()
-    np.testing.assert_allclose(
-        reference.position[:700, 0], 0.1 * np.sin(np.arange(700) * 1e-3 + 1.0), atol=1e-15
-    )
+    np.testing.assert_allclose(reference.position[:700, 0], 0.1 * np.sin(np.arange(700) * 1e-3 + 1.0), atol=1e-15)
 
 
 def test_a_move_takes_over_where_the_phase_before_ended(tmp_path: Path) -> None:
@@ -152,9 +150,7 @@ def test_out_of_reach_names_the_first_tick_where_it_is(tmp_path: Path) -> None:
 def test_a_short_excursion_between_two_looks_is_found(tmp_path: Path) -> None:
     times_, values = "[0, 102 ms, 104 ms, 106 ms, 200 ms]", "[0, 0.1, 0.45, 0.1, 0]"
     spike = f"{{kind: waypoints, times: {times_}, values: {values}, interpolation: linear}}"
-    assert "phase 'swing', t = 0.104 s: x = 0.45 m" in str(
-        refused(tmp_path, f"phases.swing.position={spike}")
-    )
+    assert "phase 'swing', t = 0.104 s: x = 0.45 m" in str(refused(tmp_path, f"phases.swing.position={spike}"))
 
 
 def test_a_surface_that_moves_out_of_reach_is_refused(tmp_path: Path) -> None:

@@ -48,9 +48,7 @@ def test_every_kind_loads_and_knows_its_name(group: str) -> None:
 
 
 def test_an_unknown_kind_names_the_choices_and_the_nearest() -> None:
-    with pytest.raises(
-        PluginError, match=r"no kind 'sin' of references; did you mean 'sine'\? \(known: csv, hold"
-    ):
+    with pytest.raises(PluginError, match=r"no kind 'sin' of references; did you mean 'sine'\? \(known: csv, hold"):
         plugins.load("references", "sin")
 
 
@@ -68,9 +66,7 @@ def test_parameters_survive_dump_and_restore_exactly() -> None:
 
 def test_nested_kinds_and_parts_survive() -> None:
     driver = plugins.load("drivers", "two_link")
-    robot = plugins.load("robots", "planar_2r")(
-        lengths=(0.3, 0.2), masses=(1.0, 1.0), dynamic_lengths=(1.0, 2.0)
-    )
+    robot = plugins.load("robots", "planar_2r")(lengths=(0.3, 0.2), masses=(1.0, 1.0), dynamic_lengths=(1.0, 2.0))
     made = driver(robot=robot, surface=Surface(0.3, pulls=True))
     document = plugins.dump(made)
     assert document["robot"]["kind"] == "planar_2r"

@@ -68,9 +68,7 @@ def test_position_and_rate_are_continuous(signal: ReferenceSignal) -> None:
 def test_one_sample_is_the_same_alone(signal: ReferenceSignal, index: int) -> None:
     together = signal.sample(TIME, SPAN)
     alone = signal.sample(TIME[index : index + 1], SPAN)
-    np.testing.assert_allclose(
-        [part[0] for part in alone], [part[index] for part in together], rtol=1e-12, atol=1e-12
-    )
+    np.testing.assert_allclose([part[0] for part in alone], [part[index] for part in together], rtol=1e-12, atol=1e-12)
 
 
 def test_hold_is_constant() -> None:

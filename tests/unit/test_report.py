@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
+import pytest
 
+from hilrig.errors import RunDirectoryError
 from hilrig.messages.codec import Codec, definition, extended
 from hilrig.recording.bag import BagWriter
+from hilrig.report import compare, make_report, render
 
 PERIOD = 1e-3
 ROBOT = {
@@ -35,9 +40,12 @@ def trial_document(controller: str, condition: str, repeat: int, phases: list[di
         "driver": {"kind": "two_link", "robot": ROBOT},
         "controller": {"kind": "pd"},
         "task": {
-            "force_axes": ["z"], "inertia": [3.0, 6.0], "damping": [30.0, 60.0], "stiffness": [250.0, 0.0],
+            "force_axes": ["z"],
+            "inertia": [3.0, 6.0],
+            "damping": [30.0, 60.0],
+            "stiffness": [250.0, 0.0],
             "states": "measured",
-        },  # fmt: skip
+        },
         "phases": phases,
     }
 
@@ -144,3 +152,96 @@ def make_run(
     (path / "manifest.json").write_text(json.dumps(manifest))
     (path / "experiment.yaml").write_text("hilrig: 1\nquestion: <b>Which</b>?\n")
     return path
+
+
+SIZES = {"small": 1.0, "large": 3.0}
+
+
+def report(run: Path, tmp_path: Path) -> tuple[str, dict]:
+    page = make_report(run, tmp_path / "out")
+    return page.read_text(encoding="utf-8"), json.loads((tmp_path / "out" / "summary.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, dict]:
+    """A run of two controllers, one trial of which tripped, and its report."""
+    folder = tmp_path_factory.mktemp("report")
+    expect = {"metric": "position_rmse", "controller": "small", "phase": "after", "axis": None, "condition": None}
+    expect = ({**expect, "below": 0.1, "above": None}, {**expect, "below": 1e-6, "above": None})
+    run = make_run(folder / "run", SIZES, failed=("large.quiet.2",), expect=expect)
+    return folder, *report(run, folder)
+
+
+def test_the_page_needs_no_other_file(reported: tuple[Path, str, dict]) -> None:
+    _, page, _ = reported
+    found = re.findall(r"""(?:src|href|url)\s*[=(]\s*["']?([^"')\s>]+)""", page)
+    assert found
+    assert all(target.startswith(("data:", "#")) for target in found)
+    assert "<script" not in page
+    assert "@import" not in page
+
+
+def test_the_page_says_what_it_must(reported: tuple[Path, str, dict]) -> None:
+    _, page, _ = reported
+    for words in (
+        "Which controller keeps 3.5 N?", "abc123", "uncommitted changes", "hilrig run experiments/x.yaml", "repeats=3",
+        "95 % t interval", "not met", "RMSE_i", "lower is better",
+    ):  # fmt: skip
+        assert words in page
+    assert "&lt;b&gt;Which&lt;/b&gt;" in page, "the experiment's text is escaped"
+
+
+def test_a_failed_trial_is_listed_and_left_out(reported: tuple[Path, str, dict]) -> None:
+    folder, page, summary = reported
+    assert "force above 200 N at t = 0.5 s" in page
+    table = pd.read_csv(folder / "out" / "metrics.csv")
+    assert "large.quiet.2" not in set(table["trial"])
+    assert {o["trial"]: o["outcome"] for o in summary["outcomes"]}["large.quiet.2"] == "tripped"
+
+
+def test_metrics_are_those_of_the_signals(reported: tuple[Path, str, dict]) -> None:
+    """x error: size * 0.01 cos 3t; its mean square over [0, 1 s] is known."""
+    folder, _, _ = reported
+    table = pd.read_csv(folder / "run" / "metrics.csv").set_index(["trial", "phase", "metric", "axis"])["value"]
+    expected = 3.0 * 0.01 * np.sqrt(np.mean(np.cos(3 * np.arange(1000) * PERIOD) ** 2))
+    assert table["large.quiet.0", "all", "position_rmse", "x"] == pytest.approx(expected, rel=1e-9)
+
+
+def test_every_figure_is_there_twice(reported: tuple[Path, str, dict]) -> None:
+    folder, _, _ = reported
+    files = {path.name for path in (folder / "out" / "figures").iterdir()}
+    stems = ("position_x", "position_error_x", "force_error_z", "auxiliary_error_z", "effort", "internals_small")
+    assert {f"quiet_{stem}.{ending}" for stem in stems for ending in ("svg", "png")} <= files
+
+
+def test_the_same_run_makes_the_same_page(tmp_path: Path) -> None:
+    run = make_run(tmp_path / "run", SIZES, repeats=1)
+    pages = [make_report(run, tmp_path / name).read_bytes() for name in "ab"]
+    assert pages[0] == pages[1]
+
+
+def test_a_plant_without_truth_is_reported_as_measured(tmp_path: Path) -> None:
+    page, _ = report(make_run(tmp_path / "run", SIZES, repeats=1, truth=False), tmp_path)
+    assert "as measured by the sensors" in page
+
+
+def test_all_trials_failed(tmp_path: Path) -> None:
+    page, summary = report(make_run(tmp_path / "run", {"small": 1.0}, repeats=1, failed=("small.quiet.0",)), tmp_path)
+    assert "No trial completed" in page
+    assert summary["verdicts"] == []
+
+
+def test_not_a_run(tmp_path: Path) -> None:
+    with pytest.raises(RunDirectoryError):
+        make_report(tmp_path)
+
+
+def test_two_runs_are_compared_in_pairs(tmp_path: Path) -> None:
+    a = make_run(tmp_path / "a", {"only": 1.0})
+    b = make_run(tmp_path / "b", {"only": 2.0})
+    table = compare(a, b).set_index(["phase", "metric", "axis"])
+    row = table.loc[("all", "position_rmse", "x")]
+    assert row["difference"] == pytest.approx(row["a"])
+    assert row["repeats"] == 3
+    assert row["low"] > 0
+    assert "position_rmse x [m]" in render(compare(a, b))

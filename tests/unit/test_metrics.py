@@ -1,0 +1,128 @@
+"""Metrics against closed forms."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hilrig.metrics._record import PhaseRecord
+from hilrig.plugins import load
+
+PERIOD = 1e-3
+TICKS = 10_000
+SIZES = st.floats(0.01, 100.0)
+
+
+def record(**changes: np.ndarray | int) -> PhaseRecord:
+    """Return 10 s of rest: x position-controlled, z force-controlled, every signal zero, with `changes`."""
+    zeros = np.zeros((TICKS, 2))
+    base = PhaseRecord(
+        tick=np.arange(TICKS, dtype=np.float64), time=np.arange(TICKS) * PERIOD, phases=1, period=PERIOD,
+        axes=("x", "z"), sigma=np.array([1.0, 0.0]), inertia=np.array([3.0, 6.0]), damping=np.array([30.0, 60.0]),
+        stiffness=np.array([250.0, 0.0]), position=zeros, velocity=zeros, acceleration=zeros, force=zeros,
+        reference_position=zeros, reference_velocity=zeros, reference_acceleration=zeros, reference_force=zeros,
+        reference_step=np.zeros(2), torque=zeros, late=np.zeros(TICKS),
+    )  # fmt: skip
+    return dataclasses.replace(base, **changes)
+
+
+def measured(kind: str, **changes: np.ndarray | int) -> dict[str, float]:
+    return load("metrics", kind)().measure(record(**changes))
+
+
+def column(x: np.ndarray | float, z: np.ndarray | float) -> np.ndarray:
+    return np.stack(np.broadcast_arrays(x, z, np.zeros(TICKS))[:2], axis=1)
+
+
+def sine(amplitude: float, turns: int) -> np.ndarray:
+    return amplitude * np.sin(2 * np.pi * turns * np.arange(TICKS) / TICKS)
+
+
+@given(SIZES, st.integers(1, 50))
+def test_rmse_and_peak_of_a_sine(amplitude: float, turns: int) -> None:
+    wave = sine(amplitude, turns)
+    assert measured("position_rmse", position=column(wave, 99.0)) == pytest.approx({"x": amplitude / np.sqrt(2)})
+    assert measured("force_rmse", force=column(99.0, wave)) == pytest.approx({"z": amplitude / np.sqrt(2)})
+    assert measured("position_peak", position=column(wave, 99.0)) == pytest.approx({"x": amplitude}, rel=1e-3)
+    assert measured("force_peak", force=column(99.0, wave)) == pytest.approx({"z": amplitude}, rel=1e-3)
+
+
+@given(SIZES, st.integers(1, 50))
+def test_chattering_of_a_square_wave(size: float, half: int) -> None:
+    """A jump of 2 A every `half` ticks in one of two joints: A / half a tick, up to the edges."""
+    square = size * np.where(np.arange(TICKS) // half % 2, -1.0, 1.0)
+    jumps = (TICKS - 1) // half
+    assert measured("chattering", torque=column(square, 7.0))[""] == pytest.approx(size * jumps / (TICKS - 1))
+
+
+def test_chattering_does_not_count_a_gap() -> None:
+    tick = np.arange(TICKS, dtype=np.float64)
+    tick[5000:] += 3
+    step = np.where(tick < 5000, 0.0, 1.0)
+    assert measured("chattering", tick=tick, torque=column(step, 0.0)) == {"": 0.0}
+
+
+@given(SIZES)
+def test_effort_of_constant_torque(size: float) -> None:
+    assert measured("effort", torque=column(size, -size))[""] == pytest.approx(size)
+
+
+@given(st.floats(0.02, 0.5), st.floats(0.05, 1.0))
+def test_settling_time_of_an_exponential(size: float, constant: float) -> None:
+    """|e| = A exp(-t / T) meets the band b at T ln(A / b)."""
+    error = size * np.exp(-np.arange(TICKS) * PERIOD / constant)
+    band = max(0.005, 0.02 * size)
+    found = measured("settling_time", position=column(-error, 0.0), reference_step=np.array([size, 0.0]))
+    assert found["x"] == pytest.approx(constant * np.log(size / band), abs=PERIOD)
+
+
+def test_settling_time_at_the_edges() -> None:
+    assert measured("settling_time") == {"x": 0.0}
+    assert measured("settling_time", position=column(1.0, 0.0)) == {"x": np.inf}
+    assert measured("settling_time", position=column(np.nan, 0.0)) == {"x": np.inf}
+    assert measured("settling_time", phases=2) == {}
+
+
+@given(st.integers(0, TICKS))
+def test_contact_loss_is_the_share_of_ticks(without: int) -> None:
+    force = np.where(np.arange(TICKS) < without, 0.0, 3.5)
+    wanted = column(0.0, 3.5)
+    assert measured("contact_loss", force=column(0.0, force), reference_force=wanted)["z"] == pytest.approx(
+        without / TICKS
+    )
+
+
+def test_contact_loss_needs_contact_to_be_asked_for_and_does_not_trust_nan() -> None:
+    assert measured("contact_loss") == {}
+    assert measured("contact_loss", force=column(0.0, np.nan), reference_force=column(0.0, 1.0)) == {"z": 1.0}
+
+
+@given(st.integers(0, TICKS))
+def test_late_fraction(late: int) -> None:
+    assert measured("late_fraction", late=(np.arange(TICKS) < late) * 1.0)[""] == pytest.approx(late / TICKS)
+
+
+@given(st.floats(0.1, 2.0), st.floats(0.5, 5.0))
+def test_auxiliary_error_is_zero_on_a_solution_of_the_desired_dynamics(amplitude: float, rate: float) -> None:
+    """Choose a motion, and let force and desired force be what eq. (3) demands of it."""
+    time = np.arange(TICKS) * PERIOD
+    x, v, a = (
+        amplitude * np.sin(rate * time),
+        amplitude * rate * np.cos(rate * time),
+        -amplitude * rate**2 * np.sin(rate * time),
+    )
+    force_x = -(3.0 * a + 30.0 * v + 250.0 * x)
+    signals = {
+        "position": column(x, x), "velocity": column(v, v), "acceleration": column(a, a),
+        "force": column(force_x, 1.0), "reference_force": column(0.0, 6.0 * a + 60.0 * v + 1.0),
+    }  # fmt: skip
+    assert measured("auxiliary_error_rmse", **signals) == pytest.approx({"x": 0.0, "z": 0.0}, abs=1e-9)
+
+
+def test_auxiliary_error_damps_the_force_axis() -> None:
+    """Erratum 14: the full velocity counts, also where sigma is zero."""
+    assert measured("auxiliary_error_rmse", velocity=column(0.0, 0.5))["z"] == pytest.approx(30.0)
