@@ -1,4 +1,4 @@
-"""What each kind of plug-in must offer. A kind is a file with one public frozen dataclass; its fields are parameters."""
+"""What each kind of plug-in must offer. A kind is a file with one public frozen dataclass; fields are parameters."""
 
 from __future__ import annotations
 

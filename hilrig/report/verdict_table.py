@@ -86,12 +86,12 @@ def shown_unit(unit: str) -> tuple[float, str]:
 def answer(verdicts: Mapping[Cell, Verdict], summary: pd.DataFrame, controllers: tuple[str, ...]) -> list[str]:
     """Return the answer, a sentence for each condition, and one that counts the marks of the whole table."""
     if len(controllers) < 2:
-        return [f"Only one controller, {controllers[0]}, was run: there is nothing to compare."]
+        return [f"Only one controller was run, {', '.join(controllers)}: there is nothing to compare."]
     conditions = list(dict.fromkeys(cell[0] for cell in verdicts))
     values = by_cell(summary)
     sentences = [_sentence(condition, verdicts, values) for condition in conditions]
     marks = [verdict.best for verdict in verdicts.values()]
-    counts = ", ".join(f"{name} {marks.count(name)}" for name in controllers)
+    counts = ", ".join([f"{name} {marks.count(name)}" for name in controllers])
     none = marks.count(None)
     return [*sentences, f"Marked best in {len(marks)} cells of the table: {counts}; nobody in {none}."]
 

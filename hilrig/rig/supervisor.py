@@ -27,8 +27,12 @@ READY_TIMEOUT = float(os.environ.get("HILRIG_READY_TIMEOUT", "180"))
 """s: the first trial on a machine compiles its kernels"""
 SILENCE_TIMEOUT = float(os.environ.get("HILRIG_SILENCE_TIMEOUT", "15"))
 """s without progress after which a trial has hung"""
+PROMPT = 1.0
+"""s that a process is given to end by itself when a trial is cut short; then it is told by SIGTERM"""
 GRACE = 5.0
-"""s that a process is given to end by itself"""
+"""s that a process is given to end when it has been told, before it is killed"""
+WRITING = 60.0
+"""s that the logger is given to write what it has"""
 STEP = 0.005
 """s between two looks at the children"""
 QUIET = {
@@ -135,6 +139,7 @@ class Watch:
         self._ready: dict[str, dict[str, Any]] = {}
         self._done: dict[str, dict[str, Any]] = {}
         self._verdict: tuple[str, str] | None = None
+        self._begun = False
         self._ticks = 0
         self._heard = time.monotonic()
         self._look_for_tokens = 0.0
@@ -144,6 +149,7 @@ class Watch:
         began = time.monotonic()
         if self._all_ready():
             began = self._heard = time.monotonic()
+            self._begun = True
             trial = self._rig.trial
             self._rig.order("go", memory=self._ready["controller"]["memory"], period=trial.period, clock=trial.clock)
             self._follow()
@@ -229,16 +235,19 @@ class Watch:
     def _bring_down(self) -> dict[str, Any]:
         """End the children in order, the logger last, and return the logger's account."""
         rig = self._rig
-        if self._verdict:
+        if self._verdict and self._begun:
             rig.order("stop")
+        elif self._verdict:
+            rig.terminate(*ROLES)
+        patience = PROMPT if self._verdict else GRACE
         for role in ("driver", "controller"):
-            if not self._ended(role, GRACE):
+            if not self._ended(role, patience):
                 rig.terminate(role)
                 if not self._ended(role, GRACE):
                     rig.children[role].kill()
-        if not self._ended("logger", GRACE if self._verdict else 60.0):
+        if not self._ended("logger", PROMPT if self._verdict else WRITING):
             rig.terminate("logger")
-            self._ended("logger", 60.0)
+            self._ended("logger", WRITING)
         self._look()
         if not self._verdict and self._done.get("driver", {}).get("outcome") != "completed":
             self._conclude("failed", self._done.get("driver", {}).get("reason") or "the driver did not finish")

@@ -53,7 +53,7 @@ def test_every_message_is_accounted_for(hilrig, experiment, tmp_path: Path) -> N
 
 def test_the_delay_of_the_command_is_what_the_experiment_says(hilrig, experiment, tmp_path: Path) -> None:
     """With torque actuation the torque in effect up to tick k is the command of tick k - 1 - delay."""
-    for delay in (0, 1, 3):
+    for delay in (0, 2):
         run = run_once(hilrig, experiment(more=f"actuation_delay: {delay}"), tmp_path / f"delay{delay}")
         bag = bag_of(run)
         applied, commanded = bag["state"]["applied_torque"], bag["command"]["torque"]
