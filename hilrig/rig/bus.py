@@ -28,8 +28,9 @@ def _configuration(listen: Iterable[str], connect: Iterable[str]) -> zenoh.Confi
         "scouting/gossip/enabled": False,
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),
-        "connect/timeout_ms": 30_000,
-        "connect/exit_on_failure": True,
+        # Opening does not wait for the others: who is missing shows in the tokens, and late-comers are tried again.
+        "connect/timeout_ms": -1,
+        "connect/exit_on_failure": False,
         "connect/retry": {"period_init_ms": 20, "period_max_ms": 100, "period_increase_factor": 1},
         # The low-latency link has no priorities; zenoh refuses to open with both.
         "transport/unicast/lowlatency": True,

@@ -165,8 +165,9 @@ class Watch:
             if self._verdict:
                 return False
             if time.monotonic() > deadline:
-                missing = ", ".join(role for role in ROLES if role not in self._ready)
-                self._conclude("timed_out", f"not ready after {READY_TIMEOUT:g} s: {missing}")
+                joined = self._rig.bus.alive()
+                missing = [role for role in ROLES if role not in joined] or [r for r in ROLES if r not in self._ready]
+                self._conclude("timed_out", f"not ready after {READY_TIMEOUT:g} s: {', '.join(missing)}")
                 return False
         return True
 
@@ -247,7 +248,7 @@ class Watch:
                     rig.children[role].kill()
         if not self._ended("logger", PROMPT if self._verdict else WRITING):
             rig.terminate("logger")
-            self._ended("logger", WRITING)
+            self._ended("logger", WRITING if self._begun else PROMPT)
         self._look()
         if not self._verdict and self._done.get("driver", {}).get("outcome") != "completed":
             self._conclude("failed", self._done.get("driver", {}).get("reason") or "the driver did not finish")
