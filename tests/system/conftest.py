@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -114,4 +115,4 @@ def only_run(under: Path) -> Path:
 
 def socket_directories() -> set[str]:
     """Return the directories with the bus's sockets that exist now."""
-    return {name for name in os.listdir("/tmp") if name.startswith("hilrig-")}
+    return {name for name in os.listdir(tempfile.gettempdir()) if name.startswith("hilrig-")}
