@@ -61,6 +61,21 @@ def advance_filter(
 
 
 @kernel
+def sliding_reference(
+    slope: float, acceleration: Array, filter_position: Array, filter_velocity: Array, state: State
+) -> tuple[Array, Array, Array, Array]:
+    """Return e = p_d - x, s = e' + Lambda e (m,), and the joint reference v, a (n,) on which s is zero.
+
+    v = J^-1 (v_d + Lambda e), a = J^-1 (a_d + Lambda e' - J' v), with Lambda = `slope` (1/s) and a_d = `acceleration`.
+    """
+    e = filter_position - state.position
+    e_rate = filter_velocity - state.velocity
+    v = solve(state.jacobian, filter_velocity + slope * e)
+    a = solve(state.jacobian, acceleration + slope * e_rate - np.dot(state.jacobian_rate, v))
+    return e, e_rate + slope * e, v, a
+
+
+@kernel
 def joint_torque(jacobian: Array, task_force: Array) -> Array:
     """Return J^T f: the joint torque (n,) N m of a task force (m,) N."""
     return np.dot(np.ascontiguousarray(jacobian.T), task_force)

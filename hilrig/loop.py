@@ -7,13 +7,12 @@ tick k the plant is under the command of tick k - delay; before there is one, un
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from hilrig.actuation import position_reference
-from hilrig.errors import PluginError, Tripped
+from hilrig.errors import PluginError, Stopped, Tripped
 from hilrig.interfaces import Begin, Law, Plant, Robot, Task
 from hilrig.kernel import kernel
 from hilrig.safety import Monitor
@@ -207,11 +206,29 @@ class Wire(Protocol):
         ...
 
 
-def drive(side: PlantSide, wire: Wire) -> Iterator[int]:
-    """Run the trial tick by tick from the driver's side; yield the number of ticks done."""
-    for tick in range(side.trial.ticks):
-        wire.wait(tick)
-        measurement, truth = side.measure(tick)
-        wire.publish(tick, measurement, truth)
-        side.advance(tick, wire.command(tick, tick - side.trial.actuation_delay))
-        yield tick + 1
+class Ending(NamedTuple):
+    """How a trial ended, from the driver's side."""
+
+    outcome: str
+    """completed, tripped or aborted"""
+    reason: str
+    ticks: int
+
+
+def drive(side: PlantSide, wire: Wire) -> Ending:
+    """Run the trial from the driver's side, release the plant, and tell how it ended."""
+    tick = 0
+    try:
+        while tick < side.trial.ticks:
+            wire.wait(tick)
+            measurement, truth = side.measure(tick)
+            wire.publish(tick, measurement, truth)
+            side.advance(tick, wire.command(tick, tick - side.trial.actuation_delay))
+            tick += 1
+    except Tripped as trip:
+        return Ending("tripped", str(trip), tick)
+    except Stopped as stop:
+        return Ending("aborted", str(stop), tick)
+    finally:
+        side.close()
+    return Ending("completed", "", tick)

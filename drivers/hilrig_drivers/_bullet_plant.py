@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from hilrig.actuation import Servo, holding_position, motor_torque
+from hilrig.actuation import holding_position, motor_torque
 from hilrig.interfaces import Begin
 from hilrig.kernel import kernel
-from hilrig.robots.planar_2r import Geometry, kinematics
+from hilrig.robots.planar_2r import kinematics
 from hilrig.signals import Array, Command, Measurement, Nudge, Truth
 from hilrig_drivers._bullet_world import EngineContact, ExplicitContact, World
-from hilrig_drivers._planar import joint_friction, moved, planar_wrench, surface_now
-
-if TYPE_CHECKING:
-    from hilrig_drivers.pybullet_arm import PybulletArm
-
-
-class Constants(NamedTuple):
-    """What the forces on the arm depend on."""
-
-    geometry: Geometry
-    dynamics: Array
-    servo: Servo
-    coulomb: Array
-    viscous: Array
+from hilrig_drivers._planar import Constants, PlanarArm, joint_friction, moved, planar_wrench, surface_now
 
 
 class Sight(NamedTuple):
@@ -43,19 +30,14 @@ class Sight(NamedTuple):
 class BulletPlant:
     """The arm in one trial."""
 
-    def __init__(self, driver: PybulletArm, begin: Begin) -> None:
-        robot = driver.robot
-        self._surface = driver.surface
-        self._constants = Constants(
-            robot.geometry(), robot.dynamic_parameters(), driver.actuation.constants(),
-            np.array(driver.coulomb), np.array(driver.viscous),
-        )  # fmt: skip
+    def __init__(self, arm: PlanarArm, engine_contact: bool, substep: float, begin: Begin) -> None:
+        self._surface, self._constants = arm.surface, arm.constants()
         # Direct drive without friction is common, and the time of a call into a kernel counts.
-        self._direct = driver.servo_gain is None and not any((*driver.coulomb, *driver.viscous))
-        self._steps = max(1, int(np.ceil(begin.period / driver.substep - 1e-9)))
-        self._world = World(robot, begin.period / self._steps)
+        self._direct = arm.servo_gain is None and not any((*arm.coulomb, *arm.viscous))
+        self._steps = max(1, int(np.ceil(begin.period / substep - 1e-9)))
+        self._world = World(arm.robot, begin.period / self._steps)
         self._world.place(begin.joint_position)
-        self._contact = (EngineContact if driver.contact == "engine" else ExplicitContact)(self._world, driver.surface)
+        self._contact = (EngineContact if engine_contact else ExplicitContact)(self._world, arm.surface)
         self._sight = self._look()
         self._torque: Array | None = None
 
@@ -124,4 +106,4 @@ def joint_torque(
     """Return the motors' torque (2,) N m, and what is left of it behind the joints' friction."""
     rate = sight.joint_velocity
     motor = motor_torque(c.servo, torque, reference, sight.joint_position, rate, sight.gravity)
-    return motor, motor - joint_friction(c.coulomb, c.viscous, friction_scale, rate)
+    return motor, motor - joint_friction(c, friction_scale, rate)

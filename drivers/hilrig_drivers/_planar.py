@@ -1,16 +1,66 @@
-"""What the simulated planar arms share: their surface, disturbed, the force at their tip, friction in their joints."""
+"""What the simulated planar arms share: their parameters, their surface, disturbed, and the forces on them."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from typing import Annotated, NamedTuple
+
 import numpy as np
 
+from hilrig.actuation import Actuation, Servo
 from hilrig.contact import Surface, SurfaceState, contact_force
+from hilrig.interfaces import Parameter
 from hilrig.kernel import kernel
-from hilrig.robots.planar_2r import FRICTION_RATE
+from hilrig.robots.planar_2r import FRICTION_RATE, Geometry, Planar2r
 from hilrig.signals import Array, Inputs, Nudge
 
 PLANT_INPUTS = tuple(name for name in Inputs._fields if name.startswith("plant_"))
 """Every plant disturbance there is."""
+
+
+Pair = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class PlanarArm:
+    """A simulated planar arm before a surface whose normal is the last task axis.
+
+    Friction of the joints: F(q') = f tanh(q'/5e-3) + b q', with `coulomb` f and `viscous` b per joint.
+    """
+
+    robot: Planar2r
+    surface: Surface
+    actuation: Actuation = field(default_factory=Actuation)
+    coulomb: Annotated[Pair, Parameter("N*m", "Coulomb friction of the joints", 0.0, 1e3)] = (0.0, 0.0)
+    viscous: Annotated[Pair, Parameter("N*m*s/rad", "viscous friction of the joints", 0.0, 1e3)] = (0.0, 0.0)
+
+    @property
+    def servo_gain(self) -> float | None:
+        """k_ref of eq. (26), or None for torque actuation."""
+        return self.actuation.k_ref if self.actuation.mode == "position_servo" else None
+
+    @property
+    def surface_position(self) -> float:
+        """Nominal place of the surface along z, m."""
+        return self.surface.position
+
+    def constants(self) -> Constants:
+        """Return the numbers that the kernels take."""
+        return Constants(
+            self.robot.geometry(), self.robot.dynamic_parameters(), self.actuation.constants(),
+            np.array(self.coulomb), np.array(self.viscous),
+        )  # fmt: skip
+
+
+class Constants(NamedTuple):
+    """What the forces on an arm depend on."""
+
+    geometry: Geometry
+    dynamics: Array
+    """theta of `Planar2r`, (9,)"""
+    servo: Servo
+    coulomb: Array
+    viscous: Array
 
 
 def surface_now(surface: Surface, disturbance: Nudge) -> SurfaceState:
@@ -38,9 +88,9 @@ def tip_force(surface: SurfaceState, external: Array, position: Array, velocity:
 
 
 @kernel
-def joint_friction(coulomb: Array, viscous: Array, scale: float, rate: Array) -> Array:
+def joint_friction(c: Constants, scale: float, rate: Array) -> Array:
     """Return scale (f tanh(q'/eps) + b q'), (2,) N m."""
-    return scale * (coulomb * np.tanh(rate / FRICTION_RATE) + viscous * rate)
+    return scale * (c.coulomb * np.tanh(rate / FRICTION_RATE) + c.viscous * rate)
 
 
 @kernel

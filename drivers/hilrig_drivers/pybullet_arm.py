@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Annotated, ClassVar, Literal
 
-from hilrig.actuation import Actuation
-from hilrig.contact import Surface
 from hilrig.interfaces import Abilities, Begin, Parameter, Plant
-from hilrig.robots.planar_2r import Planar2r
 from hilrig.signals import Array, Picture
-from hilrig_drivers._planar import PLANT_INPUTS
-
-Pair = tuple[float, float]
+from hilrig_drivers._planar import PLANT_INPUTS, PlanarArm
 
 
 @dataclass(frozen=True)
-class PybulletArm:
+class PybulletArm(PlanarArm):
     """The arm as a URDF made from the robot's parameters, stepped by Bullet's articulated-body algorithm.
 
     contact = explicit: the spring-damper of `surface` applied at the tip as an external force (exact stiffness);
@@ -28,11 +23,6 @@ class PybulletArm:
 
     abilities: ClassVar[Abilities] = Abilities(("lockstep", "realtime"), PLANT_INPUTS, simulated=True)
 
-    robot: Planar2r
-    surface: Surface
-    actuation: Actuation = field(default_factory=Actuation)
-    coulomb: Annotated[Pair, Parameter("N*m", "Coulomb friction of the joints", 0.0, 1e3)] = (0.0, 0.0)
-    viscous: Annotated[Pair, Parameter("N*m*s/rad", "viscous friction of the joints", 0.0, 1e3)] = (0.0, 0.0)
     contact: Literal["explicit", "engine"] = "explicit"
     substep: Annotated[float, Parameter("s", "engine step, at most", 1e-5, 1e-2, "log")] = 5e-4
 
@@ -45,22 +35,12 @@ class PybulletArm:
         if self.contact == "engine" and self.surface.pulls:
             raise ValueError("surface.pulls: the engine's contact cannot pull; use contact: explicit")
 
-    @property
-    def servo_gain(self) -> float | None:
-        """k_ref of eq. (26), or None for torque actuation."""
-        return self.actuation.k_ref if self.actuation.mode == "position_servo" else None
-
-    @property
-    def surface_position(self) -> float:
-        """Nominal place of the surface along z, m."""
-        return self.surface.position
-
     def begin(self, begin: Begin) -> Plant:
         """Return the arm at rest, held there by its motors."""
         # Imported here: the controller's process needs the robot of this driver, and no physics engine.
         from hilrig_drivers._bullet_plant import BulletPlant
 
-        return BulletPlant(self, begin)
+        return BulletPlant(self, self.contact == "engine", self.substep, begin)
 
     def render(self, joint_positions: Array, width: int, height: int) -> list[Picture]:
         """Return pictures (height, width, 3) uint8 of the arm at `joint_positions` (F, 2) rad."""

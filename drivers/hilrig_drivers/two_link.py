@@ -2,78 +2,52 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, NamedTuple
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 import numpy as np
 
-from hilrig.actuation import Actuation, Servo, holding_position, motor_torque
-from hilrig.contact import Surface, SurfaceState
+from hilrig.actuation import holding_position, motor_torque
+from hilrig.contact import SurfaceState
 from hilrig.interfaces import Abilities, Begin, Parameter
 from hilrig.kernel import kernel
-from hilrig.robots.planar_2r import Geometry, Planar2r, kinematics
+from hilrig.robots.planar_2r import kinematics
 from hilrig.signals import Array, Command, Measurement, Nudge, Truth
-from hilrig_drivers._planar import PLANT_INPUTS, joint_friction, moved, planar_wrench, surface_now, tip_force
+from hilrig_drivers._planar import (
+    PLANT_INPUTS,
+    Constants,
+    PlanarArm,
+    joint_friction,
+    moved,
+    planar_wrench,
+    surface_now,
+    tip_force,
+)
 
 
 @dataclass(frozen=True)
-class TwoLink:
+class TwoLink(PlanarArm):
     """M(q) q'' + C(q, q') q' + G(q) + F(q') + J^T F_e = tau  by RK4 at a fixed substep; torque held over a period.
 
-    F_e is the contact of `surface` (normal along the last task axis) plus any external tip force.
+    F_e is the contact of `surface` (normal along the last task axis) plus any external tip force;
     F(q') = f tanh(q'/5e-3) + b q', with `coulomb` f and `viscous` b per joint.
     """
 
     abilities: ClassVar[Abilities] = Abilities(("lockstep", "realtime"), PLANT_INPUTS, simulated=True)
 
-    robot: Planar2r
-    surface: Surface
-    actuation: Actuation = field(default_factory=Actuation)
-    coulomb: Annotated[tuple[float, float], Parameter("N*m", "Coulomb friction of the joints", 0.0, 1e3)] = (
-        0.0,
-        0.0,
-    )
-    viscous: Annotated[tuple[float, float], Parameter("N*m*s/rad", "viscous friction of the joints", 0.0, 1e3)] = (
-        0.0,
-        0.0,
-    )
     substep: Annotated[float, Parameter("s", "integration step, at most", 1e-6, 1e-2, "log")] = 2.5e-4
-
-    @property
-    def servo_gain(self) -> float | None:
-        """k_ref of eq. (26), or None for torque actuation."""
-        return self.actuation.k_ref if self.actuation.mode == "position_servo" else None
-
-    @property
-    def surface_position(self) -> float:
-        """Nominal place of the surface along z, m."""
-        return self.surface.position
 
     def begin(self, begin: Begin) -> TwoLinkPlant:
         """Return the arm at rest, held there by its motors."""
         return TwoLinkPlant(self, begin)
 
 
-class Constants(NamedTuple):
-    """What the equations of motion need."""
-
-    geometry: Geometry
-    dynamics: Array
-    servo: Servo
-    coulomb: Array
-    viscous: Array
-
-
 class TwoLinkPlant:
     """The arm in one trial."""
 
     def __init__(self, driver: TwoLink, begin: Begin) -> None:
-        robot = driver.robot
         self._surface = driver.surface
-        self._constants = Constants(
-            robot.geometry(), robot.dynamic_parameters(), driver.actuation.constants(),
-            np.array(driver.coulomb), np.array(driver.viscous),
-        )  # fmt: skip
+        self._constants = driver.constants()
         self._steps = max(1, int(np.ceil(begin.period / driver.substep - 1e-9)))
         self._substep = begin.period / self._steps
         self._state = np.concatenate([begin.joint_position, np.zeros(2)])
@@ -147,7 +121,7 @@ def derivative(
     force = tip_force(surface, external, at.position, at.velocity)
     gravity = gravity_torque(c, state)
     motor = motor_torque(c.servo, torque, reference, q, rate, gravity)
-    friction = joint_friction(c.coulomb, c.viscous, friction_scale, rate)
+    friction = joint_friction(c, friction_scale, rate)
     coriolis = np.dot(rate[0] * r[1] + rate[1] * r[2], c.dynamics)
     load = motor - friction - coriolis - gravity - np.dot(np.ascontiguousarray(at.jacobian.T), force)
     m1, m2 = np.dot(r[3], c.dynamics), np.dot(r[4], c.dynamics)

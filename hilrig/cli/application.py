@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -70,4 +71,24 @@ def find_run(run: Path) -> Path:
 
 
 def print_json(document: Any) -> None:
-    typer.echo(json.dumps(document, indent=2))
+    typer.echo(json.dumps(_finite(document), indent=2, allow_nan=False))
+
+
+def _finite(value: Any) -> Any:
+    """Return `value` with null for what JSON has no number for: infinities and NaN."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def echo_report(run: Path, out: Path | None) -> None:
+    """Make the report of `run` and print where it is."""
+    from hilrig.terminal import errors
+
+    with errors.status("making the report"):
+        from hilrig.report import make_report
+
+        page = make_report(run, out)
+    typer.echo(f"report   {page}")

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from hilrig.cli.application import RUNS, AsJson, RunArgument, app, find_run, print_json
+from hilrig.cli.application import RUNS, AsJson, RunArgument, app, echo_report, find_run, print_json
 
 
 @app.command("report")
@@ -18,9 +18,7 @@ def report_command(
     ] = None,
 ) -> None:
     """Make a run's report again, from its directory alone."""
-    from hilrig.report import make_report
-
-    typer.echo(f"report   {make_report(find_run(run), out)}")
+    echo_report(find_run(run), out)
 
 
 @app.command()

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from hilrig.cli.application import RUNS, AsJson, ExperimentFile, Overrides, app, print_json
+from hilrig.cli.application import RUNS, AsJson, ExperimentFile, Overrides, app, echo_report, print_json
 from hilrig.errors import ExperimentError
 
 
@@ -102,9 +102,7 @@ def run(
     completed = sum(outcome.completed for outcome in outcomes)
     typer.echo(f"run      {directory}  ({completed} of {len(trials)} trials completed)")
     if report and completed:
-        from hilrig.report import make_report
-
-        typer.echo(f"report   {make_report(directory)}")
+        echo_report(directory, None)
     if options.stop.is_set():
         raise typer.Exit(130)
     if completed < len(trials):

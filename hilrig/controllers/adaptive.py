@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from hilrig.impedance import advance_filter, joint_torque, regressor_matrix, solve
+from hilrig.impedance import advance_filter, joint_torque, regressor_matrix, sliding_reference, solve
 from hilrig.interfaces import Impedance, Law, Parameter, PerAxis, Task, per_axis
 from hilrig.kernel import kernel
 from hilrig.signals import Array, Reference, State
@@ -67,11 +67,7 @@ class Memory(NamedTuple):
 def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Array:
     """Return the joint torque (n,) N m and move `memory` on by one period."""
     a_d = advance_filter(c.impedance, c.period, memory.filter_position, memory.filter_velocity, state, reference)
-    e = memory.filter_position - state.position
-    e_rate = memory.filter_velocity - state.velocity
-    s = e_rate + c.slope * e
-    v = solve(state.jacobian, memory.filter_velocity + c.slope * e)
-    a = solve(state.jacobian, a_d + c.slope * e_rate - np.dot(state.jacobian_rate, v))
+    e, s, v, a = sliding_reference(c.slope, a_d, memory.filter_position, memory.filter_velocity, state)
     y = regressor_matrix(state.regressor, v, a)
     joint_error = solve(state.jacobian, s)
     memory.parameter_estimate[:] += c.period * c.rate * np.dot(np.ascontiguousarray(y.T), joint_error)

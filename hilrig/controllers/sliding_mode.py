@@ -7,7 +7,7 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from hilrig.impedance import advance_filter, joint_torque, model_torque, solve
+from hilrig.impedance import advance_filter, joint_torque, model_torque, sliding_reference
 from hilrig.interfaces import Impedance, Law, Parameter, PerAxis, Task, per_axis
 from hilrig.kernel import kernel
 from hilrig.signals import Array, Reference, State
@@ -73,11 +73,7 @@ class Memory(NamedTuple):
 def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Array:
     """Return the joint torque (n,) N m and move `memory` on by one period."""
     a_d = advance_filter(c.impedance, c.period, memory.filter_position, memory.filter_velocity, state, reference)
-    e = memory.filter_position - state.position
-    e_rate = memory.filter_velocity - state.velocity
-    s = e_rate + c.slope * e
-    v = solve(state.jacobian, memory.filter_velocity + c.slope * e)
-    a = solve(state.jacobian, a_d + c.slope * e_rate - np.dot(state.jacobian_rate, v))
+    e, s, v, a = sliding_reference(c.slope, a_d, memory.filter_position, memory.filter_velocity, state)
     for i in range(s.size):
         level = np.sign(s[i]) if c.sign else min(max(s[i] / c.boundary, -1.0), 1.0)
         memory.switching_force[i] = c.gain[i] * level

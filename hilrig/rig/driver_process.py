@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 
-from hilrig.errors import Stopped, Tripped
+from hilrig.errors import Stopped
 from hilrig.loop import PlantSide, drive, warm_up_plant
 from hilrig.rig.channels import DRIVER, PARCEL, Codecs, Record, Stamps
 from hilrig.rig.child import Child, main
@@ -92,20 +92,17 @@ def work(child: Child) -> None:
     """Run the trial from the driver's side."""
     trial = child.read_trial()
     warm_up_plant(trial)
-    wire, side, done = BusWire(child, trial), PlantSide(trial), 0
-    child.ready(("controller", "logger"))
-    outcome, reason = "completed", ""
+    wire, side = BusWire(child, trial), PlantSide(trial)
     try:
-        for ticks in drive(side, wire):
-            done = ticks
-    except Tripped as trip:
-        outcome, reason = "tripped", str(trip)
-    except Stopped as stop:
-        outcome, reason = "aborted", str(stop)
-    finally:
+        child.ready(("controller", "logger"))
+    except BaseException:
         side.close()
+        raise
+    try:
+        ending = drive(side, wire)
+    finally:
         wire.end()
-    child.tell("done", outcome=outcome, reason=reason, ticks=done)
+    child.tell("done", **ending._asdict())
 
 
 if __name__ == "__main__":

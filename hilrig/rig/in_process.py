@@ -5,9 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-from hilrig.errors import Stopped, Tripped
+from hilrig.errors import Stopped
 from hilrig.loop import ControlSide, PlantSide, drive, warm_up_control, warm_up_plant
 from hilrig.recording.recorder import Recorder
 from hilrig.recording.run_directory import trial_directory, write_json
@@ -18,14 +17,19 @@ from hilrig.rig.outcome import Outcome
 from hilrig.signals import Command, Measurement, Truth
 from hilrig.trial import Trial
 
+LISTEN = 256
+"""Ticks between two reports of progress, and two looks whether to stop"""
+
 
 class DirectWire:
     """Hands the measurement to the controller by a call."""
 
     def __init__(
-        self, trial: Trial, control: ControlSide, recorder: Recorder, codecs: Codecs, stop: Callable[[], bool]
-    ) -> None:
-        self._control, self._recorder, self._codecs, self._stop = control, recorder, codecs, stop
+        self, trial: Trial, control: ControlSide, recorder: Recorder, codecs: Codecs,
+        report: Callable[[int], None], stop: Callable[[], bool],
+    ) -> None:  # fmt: skip
+        self._control, self._recorder, self._codecs = control, recorder, codecs
+        self._report, self._stop = report, stop
         self._pacer = Pacer(trial.period, trial.clock == "realtime")
         self._commands: dict[int, Command] = {}
         self._driver_stamps, self._controller_stamps = (
@@ -38,8 +42,10 @@ class DirectWire:
     def wait(self, tick: int) -> None:
         """Wait for the tick's due time. Raises Stopped when told to."""
         self._moments = (self._pacer.wait(tick), time.monotonic_ns())
-        if tick % 64 == 0 and self._stop():
-            raise Stopped("interrupted")
+        if tick % LISTEN == 0:
+            self._report(tick)
+            if self._stop():
+                raise Stopped("interrupted")
 
     def publish(self, tick: int, measurement: Measurement, truth: Truth | None) -> None:
         """Let the controller answer, and record."""
@@ -86,23 +92,13 @@ def run_in_process(
     warm_up_plant(trial)
     memory = warm_up_control(trial)
     codecs, plant, control = Codecs(trial, memory), PlantSide(trial), ControlSide(trial)
-    outcome, reason, done = "completed", "", 0
     began = time.monotonic()
     with Recorder(directory, trial.period, channels(memory)) as recorder:
-        wire = DirectWire(trial, control, recorder, codecs, stop)
+        wire = DirectWire(trial, control, recorder, codecs, report, stop)
         try:
-            for ticks in drive(plant, wire):
-                done = ticks
-                if ticks % 512 == 0:
-                    report(ticks)
-        except Tripped as trip:
-            outcome, reason = "tripped", str(trip)
-        except Stopped as stopped:
-            outcome, reason = "aborted", str(stopped)
+            ending = drive(plant, wire)
         finally:
-            plant.close()
             wire.end()
-        summary: dict[str, Any] = recorder.summary()
+        summary = recorder.summary()
         write_json(directory / "timing.json", summarise(trial.clock, recorder.timing))
-    wall = time.monotonic() - began
-    return Outcome.of(trial, outcome, reason, done, wall, summary)
+    return Outcome.of(trial, *ending, time.monotonic() - began, summary)

@@ -44,8 +44,7 @@ class Direct:
 def ride(subject: Trial) -> Direct:
     """Run the whole trial and return its wire."""
     side, wire = PlantSide(subject), Direct(subject)
-    assert list(drive(side, wire)) == list(range(1, subject.ticks + 1))
-    side.close()
+    assert drive(side, wire) == ("completed", "", subject.ticks)
     return wire
 
 

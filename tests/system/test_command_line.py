@@ -1,0 +1,118 @@
+"""The verbs, called as a user calls them."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from hilrig.cli.application import app
+from hilrig.errors import HilrigError
+from tests.system.conftest import PROJECT
+
+
+def call(*arguments: str) -> str:
+    """Run a verb in this process and return what it printed; errors are raised."""
+    result = CliRunner().invoke(app, list(arguments), catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+@pytest.fixture(autouse=True)
+def _verbs(monkeypatch, tmp_path: Path) -> None:
+    import hilrig.cli.entry  # noqa: F401  (registers the verbs)
+
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in (PROJECT / "experiments").glob("*.yaml")))
+def test_every_experiment_that_comes_with_hilrig_is_ready_to_run(name: str) -> None:
+    assert "ready to run" in call("check", str(PROJECT / "experiments" / name))
+
+
+def test_the_plan_lists_repeats_first() -> None:
+    document = json.loads(call("plan", str(PROJECT / "experiments" / "handrail_comparison.yaml"), "--json"))
+    ids = [trial["id"] for trial in document["trials"]]
+    assert ids[:4] == ["proposed.noisy.0", "pd.noisy.0", "adaptive.noisy.0", "sliding_mode.noisy.0"]
+    assert len(ids) == 12
+    assert {tuple(trial["seed"]) for trial in document["trials"]} == {(7, 0), (7, 1), (7, 2)}
+
+
+def test_kinds_shows_parameters_with_unit_and_bounds() -> None:
+    assert "tde_sliding_mode" in call("kinds")
+    shown = call("kinds", "controllers", "pd")
+    assert "tau_g + J^T f" in shown
+    assert "N/m" in shown
+
+
+def test_the_schema_is_json_schema() -> None:
+    document = json.loads(call("schema"))
+    assert "controllers" in document["properties"]
+
+
+def test_without_runs_list_says_how_to_make_one() -> None:
+    assert "hilrig run EXPERIMENT" in call("list")
+
+
+def test_an_unknown_run_is_named() -> None:
+    with pytest.raises(HilrigError, match="there is no run 'nothing'"):
+        call("show", "nothing")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("run", "none.yaml"), "none.yaml"),
+        (("check", "none.yaml"), "none.yaml"),
+        (("run", "{quickstart}", "--set", "controllers.pd.stifness=3"), "did you mean 'stiffness'"),
+        (("run", "{quickstart}", "--clock", "fast"), "lockstep"),
+        (("run", "{quickstart}", "--in-process", "--jobs", "2"), "--jobs"),
+        (("run", "{quickstart}", "--clock", "realtime", "--jobs", "2"), "--jobs"),
+        (("kinds", "controlers"), "did you mean 'controllers'"),
+        (("report", "none"), "there is no run"),
+    ],
+)
+def test_a_wrong_call_is_one_message_and_exit_2(hilrig, tmp_path: Path, arguments, words: str) -> None:
+    quickstart = str(PROJECT / "experiments" / "quickstart.yaml")
+    done = hilrig(*(argument.format(quickstart=quickstart) for argument in arguments))
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+    assert os.listdir(tmp_path) == []
+
+
+def test_run_report_show_compare(hilrig, experiment, tmp_path: Path) -> None:
+    controllers = "pd: {kind: pd}\n  softer: {kind: pd, stiffness: 500 N/m}"
+    file = experiment(duration=0.3, controllers=controllers)
+    done = hilrig("run", file, "--in-process", "--repeats", "2")
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    lines = done.stdout.splitlines()
+    assert lines[0].startswith("run ")
+    assert "(4 of 4 trials completed)" in lines[0]
+    page = tmp_path / lines[1].removeprefix("report").strip()
+    assert page.name == "index.html"
+    text = page.read_text()
+    assert "Does the rig work?" in text
+    assert "http://" not in text.replace("http://www.w3.org", "")
+    run = lines[0].split()[1]
+    assert "pd.noisy.1" in hilrig("show", run).stdout
+    compared = hilrig("compare", Path(run).name, run)
+    assert compared.returncode == 0, compared.stderr
+    assert "force_rmse" in compared.stdout
+    json.loads(hilrig("compare", run, run, "--json").stdout)
+    again = hilrig("report", Path(run).name, "--out", "again")
+    assert again.returncode == 0, again.stderr
+    assert (tmp_path / "again" / "metrics.csv").read_text() == (page.parent / "metrics.csv").read_text()
+
+
+def test_two_jobs_run_all_trials(hilrig, experiment, tmp_path: Path) -> None:
+    controllers = "pd: {kind: pd}\n  softer: {kind: pd, stiffness: 500 N/m}"
+    done = hilrig("run", experiment(duration=0.3, controllers=controllers), "--jobs", "2", "--no-report")
+    assert done.returncode == 0, done.stderr
+    outcomes = [json.loads(path.read_text()) for path in tmp_path.glob("runs/*/trials/*/outcome.json")]
+    assert [outcome["outcome"] for outcome in outcomes] == ["completed"] * 2
