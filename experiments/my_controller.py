@@ -30,9 +30,9 @@ class MyController:
         return Law(self.step, task, memory)
 
     def step(self, task, memory, state, reference):
-        advance_filter(task.impedance, task.period, *memory[:2], state, reference)
+        advance_filter(task.impedance, state.elapsed, *memory[:2], state, reference)
         error, rate = memory.filter_position - state.position, memory.filter_velocity - state.velocity
-        memory.integral[:] += task.period * error
+        memory.integral[:] += state.elapsed * error
         force = self.stiffness * error + self.damping * rate + self.integral * memory.integral
         still = np.zeros_like(state.joint_position)
         return model_torque(state.regressor, still, still, task.dynamic_parameters) + state.jacobian.T @ force

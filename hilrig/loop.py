@@ -103,6 +103,7 @@ class ControlSide:
         self._force_index = np.array([WRENCH_AXES.index(axis) for axis in self._robot.axes])
         self._smoothing = 1.0 - np.exp(-2.0 * np.pi * trial.task.velocity_cutoff * trial.period)
         self._last_position: Array | None = None
+        self._last_tick = 0
         self._velocity = np.zeros(self._robot.joints)
         self._torque = np.zeros(self._robot.joints)
         self.law: Law | None = None
@@ -112,7 +113,7 @@ class ControlSide:
 
         Raises Tripped if the law's torque is not finite.
         """
-        state = self._observe(measurement)
+        state = self._observe(tick, measurement)
         if self.law is None:
             self.law = self.trial.controller.start(self.task, state)
         reference = Reference(*(signal[tick] for signal in self._references))
@@ -125,16 +126,20 @@ class ControlSide:
         position = position_reference(self._torque, measurement.joint_position, self._k_ref)
         return Answer(Command(self._torque, position), state, reference, self.law.memory)
 
-    def _observe(self, measurement: Measurement) -> State:
+    def _observe(self, tick: int, measurement: Measurement) -> State:
         q = measurement.joint_position
+        # In real time a tick can be missed: a difference over two periods is no rate over one.
+        gap = max(tick - self._last_tick, 1)
+        elapsed, self._last_tick = gap * self.trial.period, tick
         if self._last_position is None:
             self._last_position, self._torque = q, measurement.applied_torque
-        filter_velocity(self._velocity, q, self._last_position, self.trial.period, self._smoothing)
+        smoothing = self._smoothing if gap == 1 else 1.0 - (1.0 - self._smoothing) ** gap
+        filter_velocity(self._velocity, q, self._last_position, elapsed, smoothing)
         self._last_position = q
         at = self._robot.kinematics(q, self._velocity)
         return State(
             q, self._velocity.copy(), at.position, at.velocity, at.jacobian, at.jacobian_rate, at.regressor,
-            measurement.wrench[self._force_index], self._torque,
+            measurement.wrench[self._force_index], self._torque, elapsed,
         )  # fmt: skip
 
 

@@ -105,6 +105,8 @@ class State(NamedTuple):
     """F_e along the task axes as measured, (m,) N"""
     torque: Array
     """Joint torque commanded at the last tick, after limits, (n,) N m; at the start the torque that holds the arm"""
+    elapsed: float
+    """Time since the law's last call, s: the period, or more where ticks were missed in real time"""
 
 
 class Inputs(NamedTuple):

@@ -57,7 +57,7 @@ def state(robot: Planar2r, q: Array, rate: Array, force: Array | None = None, to
     still = np.zeros(2)
     return State(
         q, rate, at.position, at.velocity, at.jacobian, at.jacobian_rate, at.regressor,
-        still if force is None else force, still if torque is None else torque,
+        still if force is None else force, still if torque is None else torque, PERIOD,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from hilrig.actuation import holding_position, motor_torque
 from hilrig.interfaces import Begin
 from hilrig.kernel import kernel
-from hilrig.robots.planar_2r import kinematics
+from hilrig.robots.planar_2r import Geometry, kinematics
 from hilrig.signals import Array, Command, Measurement, Nudge, Truth
 from hilrig_drivers._bullet_world import EngineContact, ExplicitContact, World
 from hilrig_drivers._planar import Constants, PlanarArm, joint_friction, moved, planar_wrench, surface_now
@@ -80,7 +80,7 @@ class BulletPlant:
         return Truth(sight.joint_position, sight.joint_velocity, sight.position, sight.velocity, wrench, place)
 
     def _look(self) -> Sight:
-        return look(self._constants, *self._world.joints())
+        return look(self._constants.geometry, self._constants.dynamics, *self._world.joints())
 
     def _force(self, disturbance: Nudge) -> Array:
         surface = surface_now(self._surface, disturbance)
@@ -92,11 +92,11 @@ class BulletPlant:
 
 
 @kernel
-def look(c: Constants, q: Array, rate: Array) -> Sight:
+def look(geometry: Geometry, dynamics: Array, q: Array, rate: Array) -> Sight:
     """Return what follows from the joints' state (2,) rad, (2,) rad/s."""
-    at = kinematics(c.geometry, q, rate)
+    at = kinematics(geometry, q, rate)
     # The nominal parameters have no friction: what is left of the regressor's constant part is gravity.
-    return Sight(q, rate, at.position, at.velocity, np.dot(at.regressor[0], c.dynamics), at.jacobian)
+    return Sight(q, rate, at.position, at.velocity, np.dot(at.regressor[0], dynamics), at.jacobian)
 
 
 @kernel

@@ -33,7 +33,7 @@ class Adaptive:
         if p == 0:
             raise ValueError("needs the robot's regressor, and this robot has no model")
         m = len(task.axes)
-        constants = Constants(task.impedance, task.period, self.slope, per_axis(self.gain, m), self.rate)
+        constants = Constants(task.impedance, self.slope, per_axis(self.gain, m), self.rate)
         memory = Memory(state.position.copy(), state.velocity.copy(), np.zeros(m), np.zeros(m), np.zeros(p))
         return Law(step, constants, memory)
 
@@ -42,7 +42,6 @@ class Constants(NamedTuple):
     """What does not change during a trial."""
 
     impedance: Impedance
-    period: float
     slope: float
     gain: Array
     rate: float
@@ -66,11 +65,11 @@ class Memory(NamedTuple):
 @kernel
 def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Array:
     """Return the joint torque (n,) N m and move `memory` on by one period."""
-    a_d = advance_filter(c.impedance, c.period, memory.filter_position, memory.filter_velocity, state, reference)
+    a_d = advance_filter(c.impedance, state.elapsed, memory.filter_position, memory.filter_velocity, state, reference)
     e, s, v, a = sliding_reference(c.slope, a_d, memory.filter_position, memory.filter_velocity, state)
     y = regressor_matrix(state.regressor, v, a)
     joint_error = solve(state.jacobian, s)
-    memory.parameter_estimate[:] += c.period * c.rate * np.dot(np.ascontiguousarray(y.T), joint_error)
+    memory.parameter_estimate[:] += state.elapsed * c.rate * np.dot(np.ascontiguousarray(y.T), joint_error)
     memory.tracking_error[:] = e
     memory.sliding_variable[:] = s
     model = np.dot(y, memory.parameter_estimate)

@@ -37,7 +37,7 @@ class Pd:
         m = len(task.axes)
         nominal = task.dynamic_parameters.copy()
         constants = Constants(
-            task.impedance, task.period, per_axis(self.stiffness, m), per_axis(self.damping, m),
+            task.impedance, per_axis(self.stiffness, m), per_axis(self.damping, m),
             per_axis(self.force_gain, m), self.target == "direct", self.gravity == "model",
             nominal, state.torque - joint_torque(state.jacobian, state.force),
         )  # fmt: skip
@@ -49,7 +49,6 @@ class Constants(NamedTuple):
     """What does not change during a trial."""
 
     impedance: Impedance
-    period: float
     stiffness: Array
     damping: Array
     force_gain: Array
@@ -76,7 +75,7 @@ class Memory(NamedTuple):
 def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Array:
     """Return the joint torque (n,) N m and move `memory` on by one period."""
     sigma = c.impedance.sigma
-    advance_filter(c.impedance, c.period, memory.filter_position, memory.filter_velocity, state, reference)
+    advance_filter(c.impedance, state.elapsed, memory.filter_position, memory.filter_velocity, state, reference)
     memory.tracking_error[:] = memory.filter_position - state.position
     if c.direct:
         move = c.stiffness * (reference.position - state.position)

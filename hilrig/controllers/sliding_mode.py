@@ -35,7 +35,7 @@ class SlidingMode:
             raise ValueError("needs the nominal dynamics, and this robot has no model")
         m = len(task.axes)
         constants = Constants(
-            task.impedance, task.period, self.slope, per_axis(self.gain, m), self.boundary, self.switching == "sign",
+            task.impedance, self.slope, per_axis(self.gain, m), self.boundary, self.switching == "sign",
             self.nominal_scale * task.dynamic_parameters,
         )  # fmt: skip
         memory = Memory(state.position.copy(), state.velocity.copy(), np.zeros(m), np.zeros(m), np.zeros(m))
@@ -46,7 +46,6 @@ class Constants(NamedTuple):
     """What does not change during a trial."""
 
     impedance: Impedance
-    period: float
     slope: float
     gain: Array
     boundary: float
@@ -72,7 +71,7 @@ class Memory(NamedTuple):
 @kernel
 def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Array:
     """Return the joint torque (n,) N m and move `memory` on by one period."""
-    a_d = advance_filter(c.impedance, c.period, memory.filter_position, memory.filter_velocity, state, reference)
+    a_d = advance_filter(c.impedance, state.elapsed, memory.filter_position, memory.filter_velocity, state, reference)
     e, s, v, a = sliding_reference(c.slope, a_d, memory.filter_position, memory.filter_velocity, state)
     for i in range(s.size):
         level = np.sign(s[i]) if c.sign else min(max(s[i] / c.boundary, -1.0), 1.0)

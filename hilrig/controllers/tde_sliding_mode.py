@@ -48,7 +48,7 @@ class TdeSlidingMode:
         m = len(task.axes)
         kp, kd = self.position_gain, self.velocity_gain
         constants = Constants(
-            task.impedance, task.period, per_axis(self.inertia_estimate, m), kp, kd,
+            task.impedance, per_axis(self.inertia_estimate, m), kp, kd,
             1 / (2 * kp), (1 + 1 / kp) / (2 * kd),
             self.robust_gain, self.boundary, self.growth, self.decay, np.array(self.gains_floor),
         )  # fmt: skip
@@ -64,7 +64,6 @@ class Constants(NamedTuple):
     """What does not change during a trial."""
 
     impedance: Impedance
-    period: float
     inertia_estimate: Array
     position_gain: float
     velocity_gain: float
@@ -99,14 +98,14 @@ class Memory(NamedTuple):
 @kernel
 def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Array:
     """Return the joint torque (n,) N m and move `memory` on by one period."""
-    a_d = advance_filter(c.impedance, c.period, memory.filter_position, memory.filter_velocity, state, reference)
+    a_d = advance_filter(c.impedance, state.elapsed, memory.filter_position, memory.filter_velocity, state, reference)
     e = memory.filter_position - state.position
     e_rate = memory.filter_velocity - state.velocity
     xi = c.p12 * e + c.p22 * e_rate
-    adapt(c, memory.gains, xi, memory.sliding_variable)
+    adapt(c, state.elapsed, memory.gains, xi, memory.sliding_variable)
     u = a_d + c.velocity_gain * e_rate + c.position_gain * e
     u += c.robust_gain * np.sum(memory.gains) * np.tanh(xi / c.boundary)
-    acceleration = (state.velocity - memory.last_velocity) / c.period
+    acceleration = (state.velocity - memory.last_velocity) / state.elapsed
     memory.estimate[:] = task_force(state.jacobian, state.torque) - c.inertia_estimate * acceleration
     memory.tracking_error[:] = e
     memory.sliding_variable[:] = xi
@@ -115,16 +114,16 @@ def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Ar
 
 
 @kernel
-def adapt(c: Constants, gains: Array, xi: Array, last_xi: Array) -> None:
-    """Move alpha (3,) on by one period, eq. (15), in place."""
+def adapt(c: Constants, elapsed: float, gains: Array, xi: Array, last_xi: Array) -> None:
+    """Move alpha (3,) on by `elapsed` (s), eq. (15), in place."""
     floor = c.gains_floor
     norm = np.sqrt(np.sum(xi * xi))
     outward = np.sum(xi * (xi - last_xi)) > 0.0
     if gains[0] <= floor[0] or (outward and gains[1] > floor[1] and gains[2] > floor[2]):
-        gains[0] += c.period * c.growth * norm
+        gains[0] += elapsed * c.growth * norm
     else:
-        gains[0] = max(gains[0] - c.period * c.decay * norm, 0.0)
+        gains[0] = max(gains[0] - elapsed * c.decay * norm, 0.0)
     if gains[2] > floor[2]:
-        gains[2] = max(gains[2] - c.period * norm / gains[2], floor[2])
+        gains[2] = max(gains[2] - elapsed * norm / gains[2], floor[2])
     if gains[1] > floor[1]:
-        gains[1] = max(gains[1] - c.period / gains[1], floor[1])
+        gains[1] = max(gains[1] - elapsed / gains[1], floor[1])

@@ -120,5 +120,5 @@ def _at_rest(trial: Trial) -> State:
     at = robot.kinematics(q, still)
     return State(
         q, still, at.position, at.velocity, at.jacobian, at.jacobian_rate, at.regressor,
-        np.zeros(len(robot.axes)), still.copy(),
+        np.zeros(len(robot.axes)), still.copy(), trial.period,
     )  # fmt: skip

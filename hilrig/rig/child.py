@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 from hilrig.errors import HilrigError, Stopped
 from hilrig.recording.run_directory import read_trial
 from hilrig.rig.bus import Bus
-from hilrig.rig.clock import finish_before_yielding, pin
+from hilrig.rig.clock import come_first, finish_before_yielding, pin
 from hilrig.trial import Trial
 
 PR_SET_PDEATHSIG = 1
@@ -69,6 +69,8 @@ class Child:
             pin(list(self.orders.cores))
             if not self.orders.realtime:
                 finish_before_yielding()
+            elif self.role != "logger":
+                come_first()
             self._bus = Bus(self.orders.trial, self.role, self.orders.listen, self.orders.connect)
             self._status = self._bus.outbox("status", blocking=True)
             self._orders = self._bus.inbox("order")
@@ -91,11 +93,12 @@ class Child:
         missing = self.bus.wait_for((*peers, "supervisor"), timeout=120.0)
         if missing:
             raise HilrigError(f"{self.role}: waited 120 s for {', '.join(sorted(missing))}")
+        # Before the start: a collection takes 50 ms, and the other half of the loop shares this core.
+        freeze()
         self.tell("ready", **details)
         while True:
             order = json.loads(self._orders.take())
             if order["order"] == "go":
-                freeze()
                 return order
             raise Stopped("told to stop before the start")
 

@@ -27,6 +27,8 @@ READY_TIMEOUT = float(os.environ.get("HILRIG_READY_TIMEOUT", "180"))
 """s: the first trial on a machine compiles its kernels"""
 SILENCE_TIMEOUT = float(os.environ.get("HILRIG_SILENCE_TIMEOUT", "15"))
 """s without progress after which a trial has hung"""
+FAREWELL = 0.5
+"""s that the last word of a process that has ended may take"""
 PROMPT = 1.0
 """s that a process is given to end by itself when a trial is cut short; then it is told by SIGTERM"""
 GRACE = 5.0
@@ -140,6 +142,7 @@ class Watch:
         self._done: dict[str, dict[str, Any]] = {}
         self._verdict: tuple[str, str] | None = None
         self._begun = False
+        self._exits: dict[str, float] = {}
         self._ticks = 0
         self._heard = time.monotonic()
         self._look_for_tokens = 0.0
@@ -179,15 +182,22 @@ class Watch:
             self._check_tokens()
 
     def _look(self) -> None:
-        """Take in what the children said, and whether they live."""
-        while (item := self._rig.statuses.poll()) is not None:
-            self._take(json.loads(item))
+        """Take in what the children said, whether they live, and whether someone wants an end."""
+        self._hear()
+        now = time.monotonic()
         for role, process in self._rig.children.items():
-            if process.poll() is not None and role not in self._done:
+            gone = process.poll() is not None and role not in self._done
+            # What it said last may still be on its way.
+            if gone and now - self._exits.setdefault(role, now) > FAREWELL:
                 self._lost(role, process.returncode)
         if self._stop():
             self._conclude("aborted", "interrupted")
         time.sleep(STEP)
+
+    def _hear(self) -> None:
+        """Take in what the children said."""
+        while (item := self._rig.statuses.poll()) is not None:
+            self._take(json.loads(item))
 
     def _take(self, status: dict[str, Any]) -> None:
         role, event = status["role"], status["event"]
@@ -208,7 +218,7 @@ class Watch:
             self._conclude("tripped" if event == "tripped" else "failed", f"{role}: {status['reason']}")
 
     def _lost(self, role: str, code: int) -> None:
-        """A process ended without a word; what it said last may still be on its way."""
+        """A process ended without a word."""
         self._done[role] = {}
         if not self._verdict:
             log = self._rig.directory / "logs" / f"{role}.log"
@@ -249,10 +259,17 @@ class Watch:
         if not self._ended("logger", PROMPT if self._verdict else WRITING):
             rig.terminate("logger")
             self._ended("logger", WRITING if self._begun else PROMPT)
-        self._look()
+        self._hear_all()
         if not self._verdict and self._done.get("driver", {}).get("outcome") != "completed":
             self._conclude("failed", self._done.get("driver", {}).get("reason") or "the driver did not finish")
         return self._done.get("logger", {}).get("channels", {})
+
+    def _hear_all(self) -> None:
+        """Wait for the last words of all that have ended, as long as words can take."""
+        deadline = time.monotonic() + FAREWELL
+        while any(role not in self._done for role in ROLES) and time.monotonic() < deadline:
+            self._hear()
+            time.sleep(STEP)
 
     def _ended(self, role: str, timeout: float) -> bool:
         """Wait for a process, listening meanwhile."""
@@ -260,11 +277,9 @@ class Watch:
         while self._rig.children[role].poll() is None:
             if time.monotonic() > deadline:
                 return False
-            while (item := self._rig.statuses.poll()) is not None:
-                self._take(json.loads(item))
+            self._hear()
             time.sleep(STEP)
-        while (item := self._rig.statuses.poll()) is not None:
-            self._take(json.loads(item))
+        self._hear()
         return True
 
 

@@ -48,7 +48,7 @@ class Gantry:
         force = np.zeros(self.m)
         force[-1] = max(0.0, 800.0 * q[-1] + 20.0 * rate[-1]) if q[-1] > 0 else 0.0
         at = self.kinematics(q, rate)
-        return State(q, rate, *at, force, torque)
+        return State(q, rate, *at, force, torque, PERIOD)
 
 
 def begin(controller: Controller, m: int) -> tuple[Gantry, Task, State, Law]:

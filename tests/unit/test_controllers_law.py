@@ -49,7 +49,7 @@ def swing(controller: Controller, period: float, steps: int, horizontal: bool = 
     seen = []
     for _ in range(steps):
         true = true_state(plant)
-        now = state(robot, true.joint_position, true.joint_velocity)
+        now = state(robot, true.joint_position, true.joint_velocity)._replace(elapsed=period)
         torque = run(law, now, wanted)
         seen.append((now, Law(law.step, law.parameters, type(law.memory)(*(np.copy(part) for part in law.memory)))))
         plant.advance(torque_command(torque), STILL)

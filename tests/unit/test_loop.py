@@ -188,3 +188,29 @@ def test_warm_up_tells_the_laws_memory_and_leaves_the_trial_alone() -> None:
     assert sizes["gains"] == 3
     assert sizes["estimate"] == 2
     np.testing.assert_array_equal(ride(subject).measured[-1].joint_position, before)
+
+
+def test_a_missed_tick_is_not_taken_for_speed() -> None:
+    """Real time can skip ticks: the joints' steady motion keeps its rate, and the law hears how long it was."""
+    heard: list[State] = []
+
+    @dataclass(frozen=True)
+    class Listens:
+        def start(self, task: Task, state: State) -> Law:
+            def step(parameters: object, memory: object, state: State, reference: Reference) -> Array:
+                heard.append(state)
+                return np.zeros(2)
+
+            return Law(step, None, ())
+
+    side = ControlSide(trial(TwoLink(arm(), surface()), Listens()))
+    rate = np.array([0.3, -0.2])
+    start = np.array([0.9, 1.8])
+    ticks = [*range(100), *range(112, 130)]
+    for tick in ticks:
+        side.control(tick, Measurement(start + rate * tick * PERIOD, np.zeros(6), np.zeros(2)))
+    np.testing.assert_allclose(heard[99].joint_velocity, rate, rtol=1e-3)
+    for state in heard[100:]:
+        np.testing.assert_allclose(state.joint_velocity, rate, rtol=1e-3)
+    assert heard[99].elapsed == PERIOD
+    assert heard[100].elapsed == pytest.approx(13 * PERIOD)

@@ -30,7 +30,7 @@ def test_gains_follow_their_closed_form_down_to_the_floor(norm: float) -> None:
     gains, xi = np.array([0.01, 1.0, 1.0]), np.array([0.6 * norm, 0.8 * norm])
     floor_reached = None
     for k in range(1, 1201):
-        tde_sliding_mode.adapt(c, gains, xi, xi)
+        tde_sliding_mode.adapt(c, PERIOD, gains, xi, xi)
         t = k * PERIOD
         assert gains[1] == pytest.approx(max(np.sqrt(max(1 - 2 * t, 0)), 0.5), abs=2e-3)
         assert gains[2] == pytest.approx(max(np.sqrt(max(1 - 2 * norm * t, 0)), 0.5), abs=2e-3)
