@@ -59,7 +59,7 @@ class Memory(NamedTuple):
     sliding_variable: Array
     """s, (m,) m/s"""
     parameter_estimate: Array
-    """theta, (p,) in SI units"""
+    """theta, (p,) SI units"""
 
 
 @kernel

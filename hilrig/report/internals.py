@@ -21,7 +21,7 @@ COLUMNS = 3
 NAMED = 6
 """Up to so many components are named in a panel; more are drawn and counted"""
 
-_DOCUMENTED = re.compile(r"^(?P<meaning>.*?),?\s*\((?:[^()]*,)?[^()]*\)\s*(?P<unit>.*)$", re.DOTALL)
+_DOCUMENTED = re.compile(r"^.*,\s*\([^()]*\)\s*(?P<unit>.*)$", re.DOTALL)
 
 
 def memory_documents(kind: str) -> dict[str, str]:
@@ -82,22 +82,22 @@ def _memory_panel(axes: Axes, name: str, signals: TrialSignals, document: str) -
     for depth, curve in enumerate(curves):
         draw(axes, curve, 3 + depth)
     unit = unit_of(document)
-    bounds = limits(curves[:1] if count == 1 else curves, unit or "")
+    # One law's own components: none is cut for the sake of another, as a runaway controller would be.
+    bounds = limits([Curve(name, record.time, values.ravel(), curves[0].style)], unit or "")
     low, high = bounds.low, bounds.high
     axes.set(xlim=(record.time[0], record.time[-1]), ylim=(low, high))
     axes.set_ylabel(f"[{unit}]" if unit else "[–]" if unit == "" else "[SI, not stated]", labelpad=2)
     axes.set_xlabel("time [s]", labelpad=1.5)
-    axes.set_title(name.replace("_", " "), loc="left", pad=3)
+    many = f" ({count} components)" if count > NAMED else ""
+    axes.set_title(name.replace("_", " ") + many, loc="left", pad=3)
     _name_components(axes, list(labels))
     return bounds.notes
 
 
 def _name_components(axes: Axes, labels: list[str]) -> None:
-    """Name the components in their colours at the panel's upper right, or count them where they are many."""
-    if len(labels) == 1:
+    """Name the components in their colours at the panel's upper right, where they are few."""
+    if not 1 < len(labels) <= NAMED:
         return
-    shown = labels if len(labels) <= NAMED else [f"{len(labels)} components"]
-    for i, label in enumerate(reversed(shown)):
-        colour = COLOURS[len(shown) - 1 - i] if len(labels) <= NAMED else "#444444"
+    for i, label in enumerate(reversed(labels)):
         axes.annotate(label, (1.0, 1.0), xycoords="axes fraction", xytext=(-10 * i, 3), textcoords="offset points",
-                      ha="right", va="bottom", fontsize=7, color=colour, fontweight="bold")  # fmt: skip
+                      ha="right", va="bottom", fontsize=7, color=COLOURS[len(labels) - 1 - i])  # fmt: skip
