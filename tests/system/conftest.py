@@ -40,6 +40,18 @@ controllers:
 """
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _compiled_kernels(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Run a trial once before all others: on a new machine it compiles what their processes then load."""
+    folder = tmp_path_factory.mktemp("first")
+    text = EXPERIMENT.format(
+        name="first", clock="lockstep", driver="two_link", duration=0.05, controllers="pd: {kind: pd}", more=""
+    )
+    (folder / "first.yaml").write_text(text)
+    command = [sys.executable, "-m", "hilrig", "run", "first.yaml", "--in-process", "--no-report"]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True, timeout=300)
+
+
 @pytest.fixture
 def experiment(tmp_path: Path) -> Callable[..., Path]:
     """Write an experiment file and return its path."""
