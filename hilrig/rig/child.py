@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 from hilrig.errors import HilrigError, Stopped
 from hilrig.recording.run_directory import read_trial
 from hilrig.rig.bus import Bus
-from hilrig.rig.clock import come_first, finish_before_yielding, pin
+from hilrig.rig.cores import come_first, finish_before_yielding, pin
 from hilrig.trial import Trial
 
 PR_SET_PDEATHSIG = 1

@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 import ctypes
-import os
 import time
-from contextlib import suppress
 
 TIMER_ABSTIME = 1
 NANOSECONDS = 1_000_000_000
 SPIN = 100_000
 """ns: the last part of every wait is spent awake, because the kernel wakes a sleeper some microseconds late"""
-
-
-REALTIME_PRIORITY = 50
-"""Of 1 to 99: below the kernel's own threads that matter"""
 
 
 class _Timespec(ctypes.Structure):
@@ -51,24 +45,3 @@ class Pacer:
         while time.monotonic_ns() < due:
             pass
         return due
-
-
-def pin(cores: list[int]) -> None:
-    """Keep this process on `cores`, as far as this machine has them."""
-    allowed = set(cores) & os.sched_getaffinity(0)
-    if allowed:
-        os.sched_setaffinity(0, allowed)
-
-
-def finish_before_yielding() -> None:
-    """Let this process go on when it wakes another one on its core, until it waits itself.
-
-    In lockstep the halves of the loop take turns: whoever is interrupted by the other's wake-up loses its caches twice.
-    """
-    os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
-
-
-def come_first() -> None:
-    """Run before every ordinary process (SCHED_FIFO) where that is permitted; elsewhere stay as it is."""
-    with suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REALTIME_PRIORITY))

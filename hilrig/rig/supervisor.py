@@ -15,10 +15,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from hilrig.errors import RigError
 from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.bus import Bus
 from hilrig.rig.child import Orders
+from hilrig.rig.cores import cores_for
 from hilrig.rig.outcome import Outcome
 from hilrig.trial import Trial
 
@@ -143,6 +143,7 @@ class Watch:
         self._verdict: tuple[str, str] | None = None
         self._begun = False
         self._exits: dict[str, float] = {}
+        self._missing: set[str] = set()
         self._ticks = 0
         self._heard = time.monotonic()
         self._look_for_tokens = 0.0
@@ -211,7 +212,7 @@ class Watch:
             self._done[role] = status
             if role == "driver":
                 self._ticks = status["ticks"]
-                # A driver that stopped because its controller ended is not the cause: the controller's word comes too.
+                # A driver that stopped because its controller ended is not the cause.
                 if status["outcome"] == "tripped":
                     self._conclude("tripped", status["reason"])
         else:
@@ -232,11 +233,11 @@ class Watch:
         if now < self._look_for_tokens or self._verdict:
             return
         self._look_for_tokens = now + 1.0
-        gone = [role for role in ROLES if role not in self._rig.bus.alive() and role not in self._done]
-        if gone and all(self._rig.children[role].poll() is None for role in gone):
-            self._look()
-            if not self._verdict and not any(role in self._done for role in gone):
-                self._conclude("failed", f"{', '.join(gone)} vanished from the bus")
+        missing = {role for role in ROLES if role not in self._rig.bus.alive() | self._done.keys() | self._exits.keys()}
+        # Twice in a row: a token may be late to show where the machine is busy.
+        gone, self._missing = missing & self._missing, missing
+        if gone:
+            self._conclude("failed", f"{', '.join(sorted(gone))} vanished from the bus")
 
     def _conclude(self, outcome: str, reason: str) -> None:
         """The first verdict stands: what comes after it is its consequence."""
@@ -281,18 +282,6 @@ class Watch:
             time.sleep(STEP)
         self._hear()
         return True
-
-
-def cores_for(slot: int) -> dict[str, tuple[int, ...]]:
-    """Return the cores of each role: one for driver and controller (the fastest hand-over), another for the logger.
-
-    Raises RigError where the system tells no cores.
-    """
-    cores = sorted(os.sched_getaffinity(0))
-    if not cores:
-        raise RigError("this process may run on no core")
-    own, other = cores[slot % len(cores)], cores[(slot + 1) % len(cores)]
-    return {"driver": (own,), "controller": (own,), "logger": (other,)}
 
 
 def _last_line(log: Path) -> str:
