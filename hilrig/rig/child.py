@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from hilrig.errors import HilrigError, Stopped
 from hilrig.recording.run_directory import read_trial
@@ -115,26 +115,45 @@ def freeze() -> None:
     gc.disable()
 
 
-def die_with_parent(parent: int) -> None:
-    """Have the kernel send SIGTERM when the supervisor is gone, however it went."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() != parent:
-        sys.exit("the supervisor was gone before this process began")
+class Signals:
+    """How a child is told to end: SIGTERM by the supervisor, SIGHUP by the kernel when the supervisor is gone.
 
+    The kernel sends SIGHUP when the thread that started the child ends, and again for each thread that inherits the
+    child, so it comes several times, and before `getppid` tells that the process is gone. Only the first signal raises.
+    """
 
-def _stop(_signal: int, _frame: Any) -> NoReturn:
-    raise Stopped("terminated")
+    def __init__(self) -> None:
+        self.orphaned = False
+        self._told = False
+
+    def listen(self, parent: int) -> None:
+        """Take signals from now on. Raises Stopped here or anywhere later, once."""
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, self._stop)
+        signal.signal(signal.SIGHUP, self._stop)
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGHUP)
+        if os.getppid() != parent:
+            self._stop(signal.SIGHUP, None)
+
+    def _stop(self, number: int, _frame: Any) -> None:
+        self.orphaned |= number == signal.SIGHUP
+        if not self._told:
+            self._told = True
+            raise Stopped("the supervisor is gone" if self.orphaned else "terminated")
+
+    def enough(self) -> None:
+        """Raise no more: the child is leaving."""
+        self._told = True
 
 
 def main(work: Callable[[Child], None]) -> None:
     """Run one role from the command line. Exit code 0: it ended as it should, whatever the trial's outcome."""
     orders = Orders(**json.loads(sys.argv[1]))
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _stop)
-    die_with_parent(orders.parent)
+    signals = Signals()
     code = 0
     child: Child | None = None
     try:
+        signals.listen(orders.parent)
         child = Child(orders)
         work(child)
     except Stopped as stop:
@@ -145,10 +164,10 @@ def main(work: Callable[[Child], None]) -> None:
         if child is not None:
             child.tell("failed", reason=describe(error))
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        signals.enough()
         if child is not None:
             child.leave()
-        if os.getppid() != orders.parent:
+        if signals.orphaned:
             shutil.rmtree(orders.sockets, ignore_errors=True)
     sys.exit(code)
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from hilrig.cli.application import app
 from hilrig.errors import HilrigError
-from tests.system.conftest import PROJECT
+from tests.system.conftest import PROJECT, only_run
 
 
 def call(*arguments: str) -> str:
@@ -85,10 +85,11 @@ def test_a_wrong_call_is_one_message_and_exit_2(hilrig, tmp_path: Path, argument
     assert os.listdir(tmp_path) == []
 
 
-def test_run_report_show_compare(hilrig, experiment, tmp_path: Path) -> None:
-    controllers = "pd: {kind: pd}\n  softer: {kind: pd, stiffness: 500 N/m}"
-    file = experiment(duration=0.3, controllers=controllers)
-    done = hilrig("run", file, "--in-process", "--repeats", "2")
+TWO = "pd: {kind: pd}\n  softer: {kind: pd, stiffness: 500 N/m}"
+
+
+def test_a_run_ends_with_its_report(hilrig, experiment, tmp_path: Path) -> None:
+    done = hilrig("run", experiment(duration=0.3, controllers=TWO), "--in-process", "--repeats", "2")
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     lines = done.stdout.splitlines()
@@ -99,20 +100,23 @@ def test_run_report_show_compare(hilrig, experiment, tmp_path: Path) -> None:
     text = page.read_text()
     assert "Does the rig work?" in text
     assert "http://" not in text.replace("http://www.w3.org", "")
-    run = lines[0].split()[1]
-    assert "pd.noisy.1" in hilrig("show", run).stdout
-    compared = hilrig("compare", Path(run).name, run)
-    assert compared.returncode == 0, compared.stderr
-    assert "force_rmse" in compared.stdout
-    json.loads(hilrig("compare", run, run, "--json").stdout)
-    again = hilrig("report", Path(run).name, "--out", "again")
+    again = hilrig("report", lines[0].split()[1], "--out", "again")
     assert again.returncode == 0, again.stderr
     assert (tmp_path / "again" / "metrics.csv").read_text() == (page.parent / "metrics.csv").read_text()
 
 
+def test_a_run_is_shown_and_compared(hilrig, experiment, tmp_path: Path) -> None:
+    assert hilrig("run", experiment(duration=0.3, controllers=TWO), "--in-process", "--no-report").returncode == 0
+    run = only_run(tmp_path)
+    assert "pd.noisy.0" in hilrig("show", run).stdout
+    compared = hilrig("compare", run.name, run)
+    assert compared.returncode == 0, compared.stderr
+    assert "force_rmse" in compared.stdout
+    json.loads(hilrig("compare", run, run, "--json").stdout)
+
+
 def test_two_jobs_run_all_trials(hilrig, experiment, tmp_path: Path) -> None:
-    controllers = "pd: {kind: pd}\n  softer: {kind: pd, stiffness: 500 N/m}"
-    done = hilrig("run", experiment(duration=0.3, controllers=controllers), "--jobs", "2", "--no-report")
+    done = hilrig("run", experiment(duration=0.3, controllers=TWO), "--jobs", "2", "--no-report")
     assert done.returncode == 0, done.stderr
     outcomes = [json.loads(path.read_text()) for path in tmp_path.glob("runs/*/trials/*/outcome.json")]
     assert [outcome["outcome"] for outcome in outcomes] == ["completed"] * 2

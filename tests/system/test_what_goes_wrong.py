@@ -96,6 +96,13 @@ def test_a_killed_supervisor_leaves_no_process(start, experiment, tmp_path: Path
     assert len(bag["state"]["tick"]) > 100
 
 
+def test_a_supervisor_killed_at_the_start_leaves_nothing(start, experiment, tmp_path: Path) -> None:
+    program = start("run", experiment(duration=LONG), "--no-report")
+    wait_for(lambda: len(rig_processes(tmp_path)) == 3)
+    os.kill(program.pid, signal.SIGKILL)
+    wait_for(lambda: not rig_processes(tmp_path), 15.0)
+
+
 def test_a_stopped_controller_is_noticed(start, experiment, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("HILRIG_SILENCE_TIMEOUT", "2")
     program = start("run", experiment(duration=LONG), "--no-report")
