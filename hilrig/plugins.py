@@ -120,6 +120,9 @@ def _build(cls: type, document: dict[str, Any]) -> Any:
     unknown = sorted(set(document) - {f.name for f in dataclasses.fields(cls)})
     if unknown:
         raise PluginError(f"{cls.__name__} has no parameter '{unknown[0]}'{nearest(unknown[0], hints)}")
+    needed = [f.name for f in dataclasses.fields(cls) if f.default is f.default_factory is dataclasses.MISSING]
+    if missing := [name for name in needed if name not in document]:
+        raise PluginError(f"{cls.__name__} needs the parameter '{missing[0]}'")
     return cls(**{name: _revive(hints[name], item) for name, item in document.items()})
 
 

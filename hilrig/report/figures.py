@@ -67,12 +67,12 @@ def _position(drawn: Drawn) -> list[Picture]:
         longest = max((s.record for _, s in drawn.trials.values()), key=lambda r: r.time.size)
         reference = (longest.time, longest.reference_position[:, i])
         values = _curves(drawn, lambda s, i=i: s.record.position[:, i])
-        errors = _curves(drawn, lambda s, axis=axis: s.record.position_error()[axis])
+        errors = _curves(drawn, lambda s, axis=axis: 1e3 * s.record.position_error()[axis])
         pictures += [
             _with_zoom(
                 drawn, f"position_{axis}", f"Position tracking, {axis}", f"position {axis}", "m", values, reference
             ),
-            _with_zoom(drawn, f"position_error_{axis}", f"Position error, {axis}", f"error {axis}", "m", errors, None),
+            _with_zoom(drawn, f"position_error_{axis}", f"Position error, {axis}", f"error {axis}", "mm", errors, None),
         ]
     return pictures
 

@@ -84,6 +84,11 @@ def test_a_document_with_an_unknown_parameter_is_refused() -> None:
         plugins.restore("controllers", {"kind": "pd", "stifness": 1.0})
 
 
+def test_a_document_without_a_needed_parameter_is_refused() -> None:
+    with pytest.raises(PluginError, match="MinJerk needs the parameter 'end'"):
+        plugins.restore("references", {"kind": "min_jerk"})
+
+
 def test_a_users_file_is_found_from_the_experiments_folder(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(CONTROLLER.format(gain=1.0))
     cls = plugins.load("controllers", "./mine.py", tmp_path)
