@@ -21,7 +21,7 @@ class Actuation:
     k_ref: Annotated[float, Parameter("N*m/rad", "k_ref of eq. (26)", 1e-3, 1e6, "log")] = 15.0
     stiffness: Annotated[float, Parameter("N*m/rad", "servo K_s", 0.0, 1e6, "log")] = 15.0
     damping: Annotated[float, Parameter("N*m*s/rad", "servo D_s", 0.0, 1e5, "log")] = 0.1
-    gravity_compensation: bool = False
+    gravity_compensation: Annotated[bool, Parameter("", "whether the servo adds G(q)")] = False
 
     def constants(self) -> Servo:
         """Return the numbers that the kernel takes."""
@@ -32,8 +32,11 @@ class Servo(NamedTuple):
     """Numbers of an `Actuation`."""
 
     by_position: bool
+    """Whether it takes joint references; else torques pass through"""
     stiffness: float
+    """K_s, N m/rad"""
     damping: float
+    """D_s, N m s/rad"""
     gravity_compensation: bool
 
 

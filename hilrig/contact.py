@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from hilrig.interfaces import Parameter
 from hilrig.kernel import kernel
 
@@ -26,17 +24,22 @@ class Surface:
     stiffness: Annotated[float, Parameter("N/m", "K_e", 0.0, 1e7, "log")] = 800.0
     damping: Annotated[float, Parameter("N*s/m", "B_e", 0.0, 1e5, "log")] = 20.0
     friction: Annotated[float, Parameter("", "Coulomb coefficient mu along the surface", 0.0, 2.0)] = 0.0
-    pulls: bool = False
+    pulls: Annotated[bool, Parameter("", "whether it pulls, too, as the printed formula does")] = False
 
 
 class SurfaceState(NamedTuple):
     """The surface at one instant, disturbances included."""
 
     position: float
+    """z_e, m"""
     velocity: float
+    """z_e', m/s"""
     stiffness: float
+    """K_e, N/m"""
     damping: float
+    """B_e, N s/m"""
     friction: float
+    """mu"""
     pulls: bool
 
 
@@ -51,8 +54,3 @@ def contact_force(surface: SurfaceState, z: float, z_rate: float, slip: float) -
         return 0.0, 0.0
     saturated = min(max(slip / FRICTION_SPEED, -1.0), 1.0)
     return normal, surface.friction * abs(normal) * saturated
-
-
-def static_penetration(surface: Surface, force: float) -> float:
-    """Return F / K, the depth (m) at which the surface at rest bears `force` (N)."""
-    return force / surface.stiffness if surface.stiffness > 0 else np.inf

@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from hilrig.errors import ExperimentError, Place, Problem
+from hilrig.errors import ExperimentError, Place, Problem, nearest
 
 MAX_BYTES = 1 << 20
 MAX_NODES = 100_000
@@ -54,7 +54,9 @@ def read(path: Path) -> Document:
         with path.open("rb") as file:
             content = file.read(MAX_BYTES + 1)
     except FileNotFoundError as error:
-        raise ExperimentError([Problem(None, f"{path}: there is no such file")]) from error
+        raise ExperimentError(
+            [Problem(None, f"{path}: there is no such file{nearest(path.name, _siblings(path))}")]
+        ) from error
     except IsADirectoryError as error:
         raise ExperimentError([Problem(None, f"{path}: is a directory, not a file")]) from error
     except OSError as error:
@@ -73,6 +75,10 @@ def read(path: Path) -> Document:
         found = "a list" if isinstance(document.data, list) else "empty" if document.data is None else "a single value"
         raise ExperimentError([Problem(start, f"an experiment is a mapping of keys to values; this file is {found}")])
     return document
+
+
+def _siblings(path: Path) -> list[str]:
+    return [item.name for item in path.parent.glob("*.y*ml")]
 
 
 def parse(text: str, file: str) -> Document:

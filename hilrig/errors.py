@@ -1,4 +1,4 @@
-"""Every error that hilrig raises on purpose.
+"""Every error whose message is meant for the user.
 
 HilrigError
 ├── ExperimentError   the experiment file, or the call, is wrong; carries the place in the file   (exit 2)
@@ -13,7 +13,9 @@ HilrigError
 from __future__ import annotations
 
 import difflib
+import traceback
 from collections.abc import Iterable
+from pathlib import Path
 from typing import NamedTuple
 
 
@@ -46,14 +48,14 @@ class OutOfReach(HilrigError):
 
 
 class Place(NamedTuple):
-    """A place in a text file; line and column count from 1."""
+    """A place in a text file; line and column count from 1. Line 0 is the whole of it."""
 
     file: str
-    line: int
-    column: int
+    line: int = 0
+    column: int = 0
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.line}:{self.column}"
+        return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
 
 
 class Problem(NamedTuple):
@@ -73,6 +75,15 @@ class ExperimentError(HilrigError):
         listed = [Problem(None, problems)] if isinstance(problems, str) else list(problems)
         self.problems: tuple[Problem, ...] = tuple(listed)
         super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+def describe(error: BaseException) -> str:
+    """Return one line: what was raised, and where if it was not meant for the user."""
+    if isinstance(error, HilrigError):
+        return str(error)
+    frames = traceback.extract_tb(error.__traceback__)
+    where = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+    return f"{type(error).__name__}: {error}{where}"
 
 
 def nearest(name: str, choices: Iterable[str]) -> str:

@@ -15,8 +15,8 @@ from hilrig.signals import Array, Command, Inputs, Kinematics, Measurement, Nudg
 class Parameter:
     """Metadata of a parameter, put on a dataclass field as Annotated[float, Parameter(...)].
 
-    `unit` is the SI unit ("" for a pure number), `low` and `high` the allowed range (inclusive), `scale` how a search
-    should treat it, `meaning` one line for people.
+    `unit` is the SI unit ("" for a pure number), `low` and `high` the allowed range (inclusive), `meaning` one line for
+    people. `scale` is how a search should treat it: "log" by factors; where `low` is 0, zero switches the term off.
     """
 
     unit: str
@@ -30,14 +30,14 @@ PerAxis = float | tuple[float, ...]
 """A parameter given once for all axes, or once per axis."""
 
 
-def per_axis(value: PerAxis, size: int) -> Array:
-    """Return `value` as an array (size,); a single number counts for every axis.
+def per_axis(value: PerAxis, size: int, name: str) -> Array:
+    """Return the parameter `name` as an array (size,); a single number counts for all of them.
 
-    Raises ValueError if a list has another length.
+    Raises ValueError, naming it, if a list has another length.
     """
     array = np.atleast_1d(np.asarray(value, dtype=np.float64))
     if array.size not in (1, size):
-        raise ValueError(f"{array.size} values where the task has {size}")
+        raise ValueError(f"{name}: {array.size} values where there must be 1 or {size}")
     return np.ascontiguousarray(np.broadcast_to(array, (size,)))
 
 
@@ -110,7 +110,11 @@ class Samples(NamedTuple):
 
 
 class ReferenceSignal(Protocol):
-    """Group `references`: one scalar desired quantity (a position in m or a force in N)."""
+    """Group `references`: one scalar desired quantity (a position in m or a force in N).
+
+    A kind that takes its data from a file names the field with the path in a class variable `reads`, and offers
+    `filled(text)`, which returns the kind with the data of the file's text.
+    """
 
     def sample(self, time: Array, span: Span) -> Samples:
         """Return the reference at trial times `time` (N,) s, all within `span`. Raises ValueError if it cannot."""
@@ -132,7 +136,9 @@ class Robot(Protocol):
     """Group `robots`: geometry and nominal dynamics, shared by controller and driver."""
 
     axes: ClassVar[tuple[str, ...]]
+    """Names of the m task axes; the last one is the surface's normal"""
     joints: ClassVar[int]
+    """Number of joints, n; the laws that come with hilrig need n = m"""
 
     def forward_kinematics(self, joint_position: Array) -> Array:
         """Return x (m,) m."""
@@ -163,9 +169,11 @@ class Abilities(NamedTuple):
     """What a driver can do."""
 
     clocks: tuple[str, ...]
+    """Of "lockstep" and "realtime" """
     inputs: tuple[str, ...]
     """The plant fields of `Inputs` it can apply"""
     simulated: bool
+    """Whether the plant waits for the command; a robot does not"""
 
 
 class Begin(NamedTuple):
@@ -178,7 +186,7 @@ class Begin(NamedTuple):
 
 
 class Plant(Protocol):
-    """A driver at work in one trial."""
+    """A driver at work in one trial. `measure` is called before anything else."""
 
     def measure(self, disturbance: Nudge) -> Measurement:
         """Return what the sensors say now."""
@@ -202,7 +210,11 @@ class Plant(Protocol):
 
 
 class Driver(Protocol):
-    """Group `drivers`: code that speaks to one plant. It knows nothing of the bus."""
+    """Group `drivers`: code that speaks to one plant. It knows nothing of the bus.
+
+    A driver may also offer `render(joint_positions, width, height)`: a picture (height, width, 3) uint8 for each row of
+    `joint_positions` (F, n) rad, for the report's animation.
+    """
 
     abilities: ClassVar[Abilities]
     robot: Robot
@@ -223,10 +235,13 @@ class Driver(Protocol):
 
 
 class Metric(Protocol):
-    """Group `metrics`: one figure of merit of one phase of one trial."""
+    """Group `metrics`: one figure of merit of one phase of one trial; lower is better."""
 
     unit: ClassVar[str]
 
     def measure(self, record: Any) -> dict[str, float]:
-        """Return the value for each axis name, or under "" where there is no axis."""
+        """Return the value for each axis name, or under "" where there is no axis.
+
+        `record` is the `hilrig.metrics._record.PhaseRecord` of the phase.
+        """
         ...

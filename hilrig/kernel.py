@@ -17,6 +17,8 @@ from typing import Any, TypeVar, cast
 import numba
 from numba.core import config
 
+from hilrig.errors import HilrigError
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
@@ -42,7 +44,28 @@ def _cache_folder(function: Callable[..., Any]) -> str:
 def kernel(function: Function) -> Function:
     """Compile `function` with numba, strictly IEEE (no fast-math), cached between processes.
 
-    The plain Python function stays reachable as `.py_func`.
+    The plain Python function stays reachable as `.py_func`. Raises HilrigError if the cache cannot be written.
     """
-    config.CACHE_DIR = _cache_folder(function)  # pyright: ignore[reportAttributeAccessIssue]
-    return cast(Function, numba.njit(cache=True, error_model="numpy")(function))
+    folder, before = _cache_folder(function), config.CACHE_DIR  # pyright: ignore[reportAttributeAccessIssue]
+    _make_writable(folder)
+    config.CACHE_DIR = folder  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        return cast(Function, numba.njit(cache=True, error_model="numpy")(function))
+    finally:
+        config.CACHE_DIR = before  # pyright: ignore[reportAttributeAccessIssue]
+
+
+@cache
+def _make_writable(folder: str) -> None:
+    """Make the folder. Without one numba would fall back to a cache beside the source, which can be stale."""
+    try:
+        os.makedirs(folder, exist_ok=True)
+        writable = os.access(folder, os.W_OK)
+        reason = "" if writable else "it cannot be written"
+    except OSError as error:
+        reason = str(error.strerror)
+    if reason:
+        raise HilrigError(
+            f"{folder}: compiled control laws are kept here, and {reason}; "
+            "set HILRIG_CACHE_DIR to a folder that can be written"
+        )

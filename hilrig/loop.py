@@ -15,6 +15,7 @@ from hilrig.actuation import position_reference
 from hilrig.errors import PluginError, Stopped, Tripped
 from hilrig.interfaces import Begin, Law, Plant, Robot, Task
 from hilrig.kernel import kernel
+from hilrig.messages.codec import definition
 from hilrig.safety import Monitor
 from hilrig.signals import (
     WRENCH_AXES,
@@ -111,14 +112,19 @@ class ControlSide:
     def control(self, tick: int, measurement: Measurement) -> Answer:
         """Return the answer to the measurement of `tick`; the first call starts the law.
 
-        Raises Tripped if the law's torque is not finite.
+        Raises Tripped if the law's torque is not finite, PluginError if it is not one number for each joint.
         """
         state = self._observe(tick, measurement)
         if self.law is None:
             self.law = self.trial.controller.start(self.task, state)
         reference = Reference(*(signal[tick] for signal in self._references))
-        wished = self.law.step(self.law.parameters, self.law.memory, state, reference)
-        self._torque, finite = limited(np.asarray(wished, dtype=np.float64), self.task.torque_limit)
+        wished = np.asarray(self.law.step(self.law.parameters, self.law.memory, state, reference), dtype=np.float64)
+        if wished.shape != self.task.torque_limit.shape:
+            raise PluginError(
+                f"controller '{self.trial.controller_name}': step returned an array {wished.shape}; "
+                f"the robot takes torques {self.task.torque_limit.shape}"
+            )
+        self._torque, finite = limited(wished, self.task.torque_limit)
         if not finite:
             raise Tripped(
                 f"tick {tick}: the torque of controller '{self.trial.controller_name}' is not finite: {wished}"
@@ -184,12 +190,21 @@ def memory_sizes(memory: Any, controller: str) -> dict[str, int]:
             f"controller '{controller}': the law's memory is a {type(memory).__name__}; make it a NamedTuple of arrays"
         )
     for name, value in zip(names, memory, strict=True):
+        if name in _TAKEN:
+            raise PluginError(
+                f"controller '{controller}': memory field '{name}' has a name that the record needs for itself "
+                f"(these are: {', '.join(_TAKEN)})"
+            )
         if not isinstance(value, np.ndarray) or value.dtype != np.float64 or value.size == 0:
             raise PluginError(
                 f"controller '{controller}': memory field '{name}' is {value!r}; "
                 "every field is an array of float64, with one entry or more, that step writes in place"
             )
     return {name: value.size for name, value in zip(names, memory, strict=True)}
+
+
+_TAKEN = tuple(field.name for field in definition("Internals").fields)
+"""What the record says of every law, before the law's own memory"""
 
 
 class Wire(Protocol):

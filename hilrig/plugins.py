@@ -161,7 +161,9 @@ def _entry_points(group: str) -> dict[str, EntryPoint]:
     found: dict[str, EntryPoint] = {}
     for entry in entry_points(group=f"hilrig.{group}"):
         other = found.setdefault(entry.name, entry)
-        if other.value != entry.value or entry.name in _built_in(group):
+        if entry.name in _built_in(group):
+            raise PluginError(f"{entry.value} offers a kind '{entry.name}' of {group}, which hilrig has itself")
+        if other.value != entry.value:
             raise PluginError(f"two packages offer the kind '{entry.name}' of {group}: {other.value}, {entry.value}")
     return found
 

@@ -25,6 +25,9 @@ from hilrig.interfaces import (
 from hilrig.plugins import dump, restore
 from hilrig.signals import Array, Inputs, Reference
 
+ALL_PHASES = "all"
+"""Stands for all phases together, in metrics and expectations"""
+
 
 class UnusableReferenceError(ValueError):
     """A reference that cannot be sampled in its phase, the one at `index`."""
@@ -50,6 +53,11 @@ class TaskSpec:
     """What the impedance filter runs on: "measured" or "reference" states"""
     velocity_cutoff: float
     """f_c of the joint velocity filter, Hz"""
+
+    @classmethod
+    def from_document(cls, document: Mapping[str, Any]) -> TaskSpec:
+        """Return the task that `Trial.to_document` wrote."""
+        return cls(**{name: _tupled(value) for name, value in document.items()})
 
 
 @dataclass(frozen=True)
@@ -119,6 +127,7 @@ class Trial:
         """Return the trial as plain data for JSON, exact to the last bit."""
         return {
             **{name: getattr(self, name) for name in _PLAIN},
+            "axes": list(self.axes),
             "seed": list(self.seed),
             "driver": dump(self.driver),
             "controller": dump(self.controller),
@@ -140,7 +149,7 @@ class Trial:
             seed=tuple(document["seed"]),
             driver=restore("drivers", document["driver"]),
             controller=restore("controllers", document["controller"]),
-            task=TaskSpec(**{name: _tupled(value) for name, value in document["task"].items()}),
+            task=TaskSpec.from_document(document["task"]),
             phases=tuple(_phase(item) for item in document["phases"]),
             disturbances=tuple(restore("disturbances", item) for item in document["disturbances"]),
             limits=Limits(**document["limits"]),
@@ -208,10 +217,9 @@ def inputs(trial: Trial) -> Inputs:
     return result
 
 
-def impedance(trial: Trial) -> Impedance:
-    """Return the desired dynamics of the trial's task."""
-    task = trial.task
-    sigma = np.array([0.0 if axis in task.force_axes else 1.0 for axis in trial.axes])
+def make_impedance(task: TaskSpec, axes: tuple[str, ...]) -> Impedance:
+    """Return the desired dynamics of a task on these axes."""
+    sigma = np.array([0.0 if axis in task.force_axes else 1.0 for axis in axes])
     return Impedance(
         sigma,
         np.array(task.inertia),
@@ -224,7 +232,13 @@ def impedance(trial: Trial) -> Impedance:
 def make_task(trial: Trial) -> Task:
     """Return what the control law is told before the trial."""
     robot = trial.driver.robot
-    return Task(trial.period, trial.axes, impedance(trial), robot.dynamic_parameters(), robot.torque_limits())
+    return Task(
+        trial.period,
+        trial.axes,
+        make_impedance(trial.task, trial.axes),
+        robot.dynamic_parameters(),
+        robot.torque_limits(),
+    )
 
 
 def start_joint_position(trial: Trial) -> Array:

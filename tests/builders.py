@@ -12,15 +12,18 @@ from hilrig_drivers.two_link import TwoLink
 
 from hilrig.contact import Surface
 from hilrig.controllers.pd import Pd
-from hilrig.interfaces import Begin, Controller, Driver, Impedance, Parameter, Plant, Task
+from hilrig.interfaces import Begin, Controller, Disturbance, Driver, Impedance, Parameter, Plant, Task
+from hilrig.metrics._record import PhaseRecord
 from hilrig.references.hold import Hold
 from hilrig.robots.planar_2r import Planar2r
-from hilrig.signals import Array, Command, Nudge, Reference, State, Truth
+from hilrig.signals import Array, Command, Inputs, Nudge, Reference, State, Truth
 from hilrig.trial import Limits, PhaseSpec, TaskSpec, Trial
 
 STILL = Nudge(np.zeros(2), 0.0, 0.0, 1.0, 1.0, 1.0)
 """Nothing disturbs a plant with two task axes."""
 PERIOD = 1e-3
+TIME = np.arange(4000) * PERIOD
+"""s: the ticks that `applied` disturbs"""
 
 
 def arm(**changes: Any) -> Planar2r:
@@ -96,6 +99,28 @@ def trial(driver: Driver | None = None, controller: Controller | None = None, **
         "start_position": (0.1, 0.35),
     }  # fmt: skip
     return Trial(**{**plain, **changes})
+
+
+def applied(*disturbances: Disturbance, seed: int = 0) -> Inputs:
+    """Return the inputs of 4 s on two joints and the axes x and z, with `disturbances` applied one after the other."""
+    inputs = Inputs.quiet(TIME.size, 2, 2)
+    for disturbance in disturbances:
+        disturbance.apply(inputs, TIME, ("x", "z"), np.random.default_rng(seed))
+    return inputs
+
+
+def record(ticks: int, **changes: Any) -> PhaseRecord:
+    """Return a phase of rest: x position-controlled, z force-controlled, every signal zero but for `changes`."""
+    zeros = np.zeros((ticks, 2))
+    plain: dict[str, Any] = {
+        "tick": np.arange(ticks, dtype=np.float64), "time": np.arange(ticks) * PERIOD, "phases": 1, "period": PERIOD,
+        "axes": ("x", "z"), "sigma": np.array([1.0, 0.0]), "inertia": np.array([3.0, 6.0]),
+        "damping": np.array([30.0, 60.0]), "stiffness": np.array([250.0, 0.0]), "position": zeros, "velocity": zeros,
+        "acceleration": zeros, "force": zeros, "reference_position": zeros, "reference_velocity": zeros,
+        "reference_acceleration": zeros, "reference_force": zeros, "reference_step": np.zeros(2), "torque": zeros,
+        "late": np.zeros(ticks),
+    }  # fmt: skip
+    return PhaseRecord(**{**plain, **changes})
 
 
 def example(cls: type, **known: Any) -> Any:

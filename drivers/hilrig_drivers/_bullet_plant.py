@@ -37,7 +37,7 @@ class BulletPlant:
         self._steps = max(1, int(np.ceil(begin.period / substep - 1e-9)))
         self._world = World(arm.robot, begin.period / self._steps)
         self._world.place(begin.joint_position)
-        self._contact = (EngineContact if engine_contact else ExplicitContact)(self._world, arm.surface)
+        self._contact = EngineContact(self._world, arm.surface) if engine_contact else ExplicitContact(self._world)
         self._sight = self._look()
         self._torque: Array | None = None
 

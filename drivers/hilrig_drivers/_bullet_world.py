@@ -144,7 +144,7 @@ class World:
 class ExplicitContact:
     """The surface as a spring-damper force that hilrig computes and applies at the tip."""
 
-    def __init__(self, world: World, surface: Surface) -> None:
+    def __init__(self, world: World) -> None:
         self._world = world
 
     def force(self, surface: SurfaceState, position: Array, velocity: Array) -> Array:

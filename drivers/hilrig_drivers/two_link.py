@@ -9,6 +9,7 @@ import numpy as np
 
 from hilrig.actuation import holding_position, motor_torque
 from hilrig.contact import SurfaceState
+from hilrig.impedance import joint_torque
 from hilrig.interfaces import Abilities, Begin, Parameter
 from hilrig.kernel import kernel
 from hilrig.robots.planar_2r import kinematics
@@ -100,7 +101,7 @@ def observe(
     """Return ((x, x'), F_e, the torque G + J^T F_e that holds the arm)."""
     at = kinematics(c.geometry, state[:2], state[2:])
     force = tip_force(surface, external, at.position, at.velocity)
-    hold = gravity_torque(c, state) + np.dot(np.ascontiguousarray(at.jacobian.T), force)
+    hold = gravity_torque(c, state) + joint_torque(at.jacobian, force)
     return (at.position, at.velocity), force, hold
 
 
@@ -123,7 +124,7 @@ def derivative(
     motor = motor_torque(c.servo, torque, reference, q, rate, gravity)
     friction = joint_friction(c, friction_scale, rate)
     coriolis = np.dot(rate[0] * r[1] + rate[1] * r[2], c.dynamics)
-    load = motor - friction - coriolis - gravity - np.dot(np.ascontiguousarray(at.jacobian.T), force)
+    load = motor - friction - coriolis - gravity - joint_torque(at.jacobian, force)
     m1, m2 = np.dot(r[3], c.dynamics), np.dot(r[4], c.dynamics)
     determinant = m1[0] * m2[1] - m1[1] * m2[0]
     q1 = (m2[1] * load[0] - m2[0] * load[1]) / determinant

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -55,7 +53,7 @@ def _options(
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
-    """Options that every verb has."""
+    """Options of the program itself, given before the verb."""
 
 
 def find_run(run: Path) -> Path:
@@ -71,16 +69,10 @@ def find_run(run: Path) -> Path:
 
 
 def print_json(document: Any) -> None:
-    typer.echo(json.dumps(_finite(document), indent=2, allow_nan=False))
+    """Print a document for programs, as JSON."""
+    from hilrig.recording.run_directory import to_json
 
-
-def _finite(value: Any) -> Any:
-    """Return `value` with null for what JSON has no number for: infinities and NaN."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    typer.echo(to_json(document))
 
 
 def echo_report(run: Path, out: Path | None) -> None:

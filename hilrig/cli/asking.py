@@ -1,4 +1,4 @@
-"""The verbs that take neither: kinds, schema."""
+"""The verbs about what there is to write: kinds, schema."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def kinds(
             typer.echo(f"{name:13} {', '.join(plugins.kinds(name))}")
         return
     if group not in GROUPS:
-        raise ExperimentError(f"there is no group '{group}'{nearest(group, GROUPS)}; groups are {', '.join(GROUPS)}")
+        raise ExperimentError(f"there is no group '{group}'{nearest(group, GROUPS)} (groups: {', '.join(GROUPS)})")
     for name in [kind] if kind else plugins.kinds(group):
         _show_kind(group, name, brief=kind is None)
 

@@ -22,5 +22,10 @@ def main() -> None:
             traceback.print_exc()
         typer.echo(f"{error}", err=True)
         sys.exit(1 if isinstance(error, RigError) else 2)
+    except OSError as error:
+        if "--debug" in sys.argv:
+            traceback.print_exc()
+        typer.echo(f"{error.filename or 'hilrig'}: {error.strerror or error}", err=True)
+        sys.exit(1)
     except KeyboardInterrupt:
         sys.exit(130)

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from hilrig.cli.application import RUNS, AsJson, RunArgument, app, echo_report, find_run, print_json
+from hilrig.errors import RunDirectoryError
 
 
 @app.command("report")
@@ -42,14 +43,9 @@ def list_command(
     out: Annotated[Path, typer.Option(help="Where run directories are.")] = RUNS, as_json: AsJson = False
 ) -> None:
     """List the runs, oldest first."""
-    from hilrig.recording.run_directory import list_runs, read_json, read_outcome
+    from hilrig.recording.run_directory import list_runs
 
-    rows: list[dict[str, Any]] = []
-    for path in list_runs(out):
-        manifest, planned = read_json(path / "manifest.json"), read_json(path / "plan.json")
-        outcomes = [read_outcome(path, trial["id"])["outcome"] for trial in planned["trials"]]
-        done = f"{outcomes.count('completed')}/{len(outcomes)}"
-        rows.append({"run": path.name, "experiment": manifest["name"], "completed": done, "clock": manifest["clock"]})
+    rows = [_row(path) for path in list_runs(out)]
     if as_json:
         print_json(rows)
     elif not rows:
@@ -60,16 +56,29 @@ def list_command(
         print_table("", dict.fromkeys(rows[0], ""), [list(row.values()) for row in rows])
 
 
+def _row(run: Path) -> dict[str, Any]:
+    """Return what `list` tells of one run; a damaged one must not hide the others."""
+    from hilrig.recording.run_directory import read_manifest, read_outcome, read_plan
+
+    try:
+        manifest = read_manifest(run)
+        outcomes = [read_outcome(run, trial["id"])["outcome"] for trial in read_plan(run)["trials"]]
+    except RunDirectoryError as error:
+        return {"run": run.name, "experiment": str(error), "completed": "?", "clock": "?"}
+    done = f"{outcomes.count('completed')}/{len(outcomes)}"
+    return {"run": run.name, "experiment": manifest["name"], "completed": done, "clock": manifest["clock"]}
+
+
 @app.command()
 def show(run: RunArgument, as_json: AsJson = False) -> None:
     """Show how the trials of a run ended.
 
     Outcome and reason, speed, messages lost, and where the run came from.
     """
-    from hilrig.recording.run_directory import read_json, read_outcome
+    from hilrig.recording.run_directory import messages_lost, read_manifest, read_outcome, read_plan
 
     path = find_run(run)
-    manifest, planned = read_json(path / "manifest.json"), read_json(path / "plan.json")
+    manifest, planned = read_manifest(path), read_plan(path)
     outcomes = [read_outcome(path, trial["id"]) for trial in planned["trials"]]
     if as_json:
         print_json({"manifest": manifest, "outcomes": outcomes})
@@ -83,7 +92,7 @@ def show(run: RunArgument, as_json: AsJson = False) -> None:
             item["outcome"],
             str(item["ticks"]),
             f"{item.get('speed', 0):.2f}",
-            _lost(item),
+            "?" if (lost := messages_lost(item)) is None else str(lost),
             item["reason"],
         ]
         for item in outcomes
@@ -97,8 +106,3 @@ def show(run: RunArgument, as_json: AsJson = False) -> None:
         "reason": "",
     }
     print_table("", columns, rows)
-
-
-def _lost(outcome: dict[str, Any]) -> str:
-    lost = [account["lost"] for account in outcome["channels"].values()]
-    return "?" if None in lost or not lost else str(sum(lost))

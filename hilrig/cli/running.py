@@ -6,12 +6,16 @@ import signal
 import sys
 import threading
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from hilrig.cli.application import RUNS, AsJson, ExperimentFile, Overrides, app, echo_report, print_json
 from hilrig.errors import ExperimentError
+
+if TYPE_CHECKING:
+    from hilrig.experiment import Experiment
+    from hilrig.trial import Trial
 
 
 @app.command()
@@ -65,13 +69,13 @@ def run(
     experiment: ExperimentFile,
     out: Annotated[Path, typer.Option(help="Where run directories are made.")] = RUNS,
     clock: Annotated[
-        str | None, typer.Option(help="lockstep or realtime, instead of what the experiment says.")
+        Literal["lockstep", "realtime"] | None, typer.Option(help="The clock, instead of what the experiment says.")
     ] = None,
     in_process: Annotated[
         bool, typer.Option("--in-process", help="Without the bus: all in this process, the same bits.")
     ] = False,
-    jobs: Annotated[int, typer.Option(min=1, help="Trials at a time.")] = 1,
-    repeats: Annotated[int | None, typer.Option(min=1, help="Repeats, instead of what the experiment says.")] = None,
+    jobs: Annotated[int, typer.Option(help="Trials at a time.")] = 1,
+    repeats: Annotated[int | None, typer.Option(help="Repeats, instead of what the experiment says.")] = None,
     override: Overrides = None,
     fail_fast: Annotated[
         bool, typer.Option("--fail-fast", help="Begin no further trial after one that did not complete.")
@@ -86,7 +90,9 @@ def run(
     """
     overrides = [*(override or [])]
     overrides += [f"clock={clock}"] if clock else []
-    overrides += [f"repeats={repeats}"] if repeats else []
+    overrides += [f"repeats={repeats}"] if repeats is not None else []
+    if jobs < 1:
+        raise ExperimentError(f"--jobs: {jobs} trials at a time; 1 is the least")
     loaded, trials = planned(experiment, overrides)
     if in_process and jobs > 1:
         raise ExperimentError("--jobs: trials in one process run one at a time; leave out --in-process or --jobs")
@@ -123,7 +129,8 @@ def _interruptible() -> threading.Event:
     return stop
 
 
-def planned(path: Path, overrides: list[str]) -> tuple[Any, Any]:
+def planned(path: Path, overrides: list[str]) -> tuple[Experiment, tuple[Trial, ...]]:
+    """Return the experiment in the file, with overrides, and its trials. Raises ExperimentError."""
     from hilrig.experiment import load
     from hilrig.plan import plan as plan_trials
 

@@ -33,7 +33,7 @@ class Adaptive:
         if p == 0:
             raise ValueError("needs the robot's regressor, and this robot has no model")
         m = len(task.axes)
-        constants = Constants(task.impedance, self.slope, per_axis(self.gain, m), self.rate)
+        constants = Constants(task.impedance, self.slope, per_axis(self.gain, m, "gain"), self.rate)
         memory = Memory(state.position.copy(), state.velocity.copy(), np.zeros(m), np.zeros(m), np.zeros(p))
         return Law(step, constants, memory)
 

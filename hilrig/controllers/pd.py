@@ -21,7 +21,8 @@ class Pd:
     target = direct:  f = Sigma [K (x_d - x) + D (x_d' - x')] + (I - Sigma) [F_d + K_f (F_d - F_e) - D x']
 
     gravity = model:  tau_g = G(q) of the nominal robot (a textbook PD's only model knowledge)
-    gravity = start:  tau_g = the torque that holds the arm where the trial begins, kept constant (no model at all)
+    gravity = start:  tau_g = what holds the arm where the trial begins, less the contact's share J^T F_e, kept constant
+                      (no model at all)
 
     Source: Takegaki and Arimoto 1981 (PD with gravity compensation); Raibert and Craig 1981 (hybrid control).
     """
@@ -37,8 +38,8 @@ class Pd:
         m = len(task.axes)
         nominal = task.dynamic_parameters.copy()
         constants = Constants(
-            task.impedance, per_axis(self.stiffness, m), per_axis(self.damping, m),
-            per_axis(self.force_gain, m), self.target == "direct", self.gravity == "model",
+            task.impedance, per_axis(self.stiffness, m, "stiffness"), per_axis(self.damping, m, "damping"),
+            per_axis(self.force_gain, m, "force_gain"), self.target == "direct", self.gravity == "model",
             nominal, state.torque - joint_torque(state.jacobian, state.force),
         )  # fmt: skip
         memory = Memory(state.position.copy(), state.velocity.copy(), np.zeros(m), np.zeros(m))

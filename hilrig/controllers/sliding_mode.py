@@ -35,7 +35,7 @@ class SlidingMode:
             raise ValueError("needs the nominal dynamics, and this robot has no model")
         m = len(task.axes)
         constants = Constants(
-            task.impedance, self.slope, per_axis(self.gain, m), self.boundary, self.switching == "sign",
+            task.impedance, self.slope, per_axis(self.gain, m, "gain"), self.boundary, self.switching == "sign",
             self.nominal_scale * task.dynamic_parameters,
         )  # fmt: skip
         memory = Memory(state.position.copy(), state.velocity.copy(), np.zeros(m), np.zeros(m), np.zeros(m))

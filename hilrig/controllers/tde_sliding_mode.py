@@ -20,9 +20,11 @@ class TdeSlidingMode:
     e = p_d - x, e' = v_d - x' (m,), with a_d, v_d, p_d of the impedance filter;
     xi = p12 e + p22 e' from A^T P + P A = -I: p12 = 1/(2 k_p), p22 = (1 + 1/k_p)/(2 k_d);
     S_hat = J^-T tau_l - Mhat x''_l, torque and measured acceleration one period ago (time delay estimation);
-    alpha_1' = +-k_i |xi|, alpha_2' = -1/alpha_2, alpha_3' = -|xi|/alpha_3, each down to its floor.
+    alpha_1' = k_1 |xi| while it is at or below its floor, or xi moves outward and alpha_2, alpha_3 are above theirs;
+    alpha_1' = -k_2 |xi| otherwise, to zero at least; alpha_2' = -1/alpha_2, alpha_3' = -|xi|/alpha_3, to their floors.
 
-    Source: paper eqs. (8), (10), (11), (15), with the errata of docs/paper.md.
+    Source: paper eqs. (8), (10), (11), (15), read so that they are stable: P solves the Lyapunov equation itself and
+    not its transpose, k_d and k_p are positive, (11) takes the measured acceleration, tanh takes xi / mu everywhere.
     """
 
     inertia_estimate: Annotated[PerAxis, Parameter("kg", "Mhat, diagonal", 1e-5, 1e3, "log")] = 0.03
@@ -48,7 +50,7 @@ class TdeSlidingMode:
         m = len(task.axes)
         kp, kd = self.position_gain, self.velocity_gain
         constants = Constants(
-            task.impedance, per_axis(self.inertia_estimate, m), kp, kd,
+            task.impedance, per_axis(self.inertia_estimate, m, "inertia_estimate"), kp, kd,
             1 / (2 * kp), (1 + 1 / kp) / (2 * kd),
             self.robust_gain, self.boundary, self.growth, self.decay, np.array(self.gains_floor),
         )  # fmt: skip

@@ -41,7 +41,7 @@ class MeasurementDelay:
     def _whole_ticks(self, time: Array) -> int:
         if self.delay is None:
             return self.ticks or 0
-        period = float(time[1] - time[0]) if time.size > 1 else self.delay
+        period = float(time[1] - time[0])
         ticks = round(self.delay / period)
         if abs(ticks * period - self.delay) > TOLERANCE or ticks < 1:
             raise ValueError(f"a delay of {self.delay:g} s is no whole number of periods of {period:g} s")

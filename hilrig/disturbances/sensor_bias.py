@@ -31,4 +31,4 @@ class SensorBias:
         """
         inside = window(time, self.at, self.until)
         inputs.wrench_error[inside, WRENCH_AXES.index(self.axis)] += self.force
-        inputs.joint_error[inside] += per_axis(self.joint, inputs.joint_error.shape[1])
+        inputs.joint_error[inside] += per_axis(self.joint, inputs.joint_error.shape[1], "joint")

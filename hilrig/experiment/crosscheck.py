@@ -14,10 +14,10 @@ from hilrig.experiment.model import Expectation, Experiment, Phase
 from hilrig.interfaces import per_axis
 from hilrig.quantities import quantity, shown
 from hilrig.schema import ONLY_AXIS, Finding, InvalidError
+from hilrig.trial import ALL_PHASES
 
-ALL = "all"
-"""Stands for all phases together, in metrics and expectations"""
-
+MIN_TICKS = 2
+"""Below that there is no rate and nothing to compare"""
 MAX_TICKS = 5_000_000
 """A trial's references and disturbances are held in memory."""
 
@@ -61,14 +61,16 @@ def _check_names(experiment: Experiment) -> Iterator[Finding]:
         yield Finding(("phases",), "there are no phases; an experiment needs one at least")
     for i, phase in enumerate(experiment.phases):
         yield from _check_name(phase.name, ("phases", i, "name"), on_key=False)
-        if phase.name == ALL:
-            yield Finding(("phases", i, "name"), f"'{ALL}' stands for all phases together; give the phase another name")
+        if phase.name == ALL_PHASES:
+            yield Finding(
+                ("phases", i, "name"), f"'{ALL_PHASES}' stands for all phases together; give the phase another name"
+            )
     yield from _check_unique([(p.name, ("phases", i, "name")) for i, p in enumerate(experiment.phases)], on_key=False)
 
 
 def _check_name(name: str, path: Keys, on_key: bool) -> Iterator[Finding]:
     if not _NAME.fullmatch(name):
-        message = f"{shown(name)} is no name; use at most 64 letters, digits, '_' and '-', no '_' or '-' first"
+        message = f"{shown(name)} is no name; use at most 64 of A-Z, a-z, digits, '_' and '-', no '_' or '-' first"
         yield Finding(path, message, on_key)
 
 
@@ -93,7 +95,7 @@ def _check_task(experiment: Experiment) -> Iterator[Finding]:
             yield Finding(("task", "start", axis), _no_axis(axis, axes), on_key=True)
     for name in ("inertia", "damping", "stiffness"):
         try:
-            per_axis(getattr(task.impedance, name), len(axes))
+            per_axis(getattr(task.impedance, name), len(axes), name)
         except ValueError as error:
             yield Finding(("task", "impedance", name), f"{error} (axes: {', '.join(axes)})")
 
@@ -110,8 +112,8 @@ def _check_time(experiment: Experiment) -> Iterator[Finding]:
         if whole < 1 or abs(whole * period - phase.duration) > 1e-6 * period:
             message = f"{phase.duration:g} s is not a whole number of periods of {period:g} s"
             yield Finding(("phases", i, "duration"), message)
-    if ticks > MAX_TICKS:
-        yield Finding(("phases",), f"{ticks} ticks in all; a trial may have {MAX_TICKS}")
+    if experiment.phases and not MIN_TICKS <= ticks <= MAX_TICKS:
+        yield Finding(("phases",), f"{ticks} ticks in all; a trial has {MIN_TICKS} to {MAX_TICKS}")
 
 
 def _check_abilities(experiment: Experiment) -> Iterator[Finding]:
@@ -169,7 +171,7 @@ def _check_expectation(experiment: Experiment, expectation: Expectation, index: 
     choices = {
         "metric": plugins.kinds("metrics"),
         "controller": tuple(experiment.controllers),
-        "phase": (*(phase.name for phase in experiment.phases), ALL),
+        "phase": (*(phase.name for phase in experiment.phases), ALL_PHASES),
         "axis": experiment.driver.robot.axes,
         "condition": tuple(experiment.conditions),
     }

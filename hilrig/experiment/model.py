@@ -11,7 +11,7 @@ from hilrig.document import Document
 from hilrig.errors import Place
 from hilrig.interfaces import Controller, Disturbance, Driver, Parameter, PerAxis, ReferenceSignal
 from hilrig.schema import ByAxis, Later
-from hilrig.trial import Limits
+from hilrig.trial import ALL_PHASES, Limits
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class ImpedanceSpec:
     inertia: Annotated[PerAxis, Parameter("kg", "M_d", 1e-6, 1e6, "log")]
     damping: Annotated[PerAxis, Parameter("N*s/m", "B_d", 0.0, 1e6, "log")]
     stiffness: Annotated[PerAxis, Parameter("N/m", "K_d; unused in force-controlled axes", 0.0, 1e7, "log")]
-    states: Literal["measured", "reference"] = "measured"
+    states: Annotated[Literal["measured", "reference"], Parameter("", "what the impedance filter runs on")] = "measured"
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Expectation:
 
     metric: Annotated[str, Parameter("", "kind of the metric")]
     controller: Annotated[str, Parameter("", "name of the controller")]
-    phase: Annotated[str, Parameter("", "name of a phase, or 'all'")] = "all"
+    phase: Annotated[str, Parameter("", "name of a phase, or 'all'")] = ALL_PHASES
     axis: Annotated[str | None, Parameter("", "axis; default: every axis of the metric")] = None
     condition: Annotated[str | None, Parameter("", "condition; default: every one")] = None
     below: Annotated[Later, Parameter("", "upper limit, in the metric's unit")] = None

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import fields
 from typing import Any
 
 from hilrig import document
 from hilrig.document import Document, Keys
 from hilrig.errors import ExperimentError, Place, Problem, nearest
+from hilrig.experiment.model import Experiment
 
+SECTIONS = tuple(field.name for field in fields(Experiment) if field.name != "source")
+"""What an experiment file may hold"""
 NAMED = (("controllers",), ("conditions",))
 """Mappings with names of the user's own: an override changes what is there, and adds nothing"""
 
@@ -42,6 +46,8 @@ def _resolved(data: Any, names: list[str], file: str) -> Keys:
             data, path = data[index], (*path, index)
         elif isinstance(data, dict):
             last = depth == len(names) - 1
+            if depth == 0 and name not in SECTIONS:
+                raise _error(file, f"there is no '{name}' in an experiment{nearest(name, SECTIONS)}")
             if name not in data and (path in NAMED or (path and not last)):
                 there = ", ".join(data) or "nothing"
                 message = f"there is no '{name}' in {_dotted(path)}{nearest(name, data)} (there: {there})"
@@ -68,20 +74,20 @@ def _merged(source: Document, data: Any, path: Keys, value: Document) -> Documen
         kept = {key: item for key, item in old.items() if key[: len(path)] != path}
         return {**kept, **{(*path, *key): item for key, item in new.items()}}
 
-    start = Place(value.file, 1, 1)
-    keys = merge(source.keys, {(): start, **value.keys})
-    sections = {path[:depth]: start for depth in range(1, len(path)) if path[:depth] not in source.values}
+    here = Place(value.file)
+    keys = merge(source.keys, dict.fromkeys([(), *value.keys], here))
+    sections = {path[:depth]: here for depth in range(1, len(path)) if path[:depth] not in source.values}
     return Document(
         source.file,
         data,
-        {**merge(source.values, {(): start, **value.values}), **sections},
+        {**merge(source.values, dict.fromkeys([(), *value.values], here)), **sections},
         {**keys, **sections},
         merge(source.written, value.written),
     )
 
 
 def _error(file: str, message: str) -> ExperimentError:
-    return ExperimentError([Problem(Place(file, 1, 1), message)])
+    return ExperimentError([Problem(Place(file), message)])
 
 
 def _dotted(path: Keys) -> str:

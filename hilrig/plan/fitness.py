@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from hilrig.document import Keys
 from hilrig.errors import OutOfReach
 from hilrig.signals import Array, State
 from hilrig.trial import Trial, UnusableReferenceError, inputs, make_task, sample_axis, start_joint_position
-
-Keys = tuple[str | int, ...]
 
 CHECK_EVERY = 0.01
 """s between the instants at which a trajectory is checked against the workspace, besides its extremes"""

@@ -67,7 +67,7 @@ def task_spec(experiment: Experiment) -> TaskSpec:
     task, size = experiment.task, len(experiment.driver.robot.axes)
 
     def diagonal(name: str) -> tuple[float, ...]:
-        return tuple(per_axis(getattr(task.impedance, name), size).tolist())
+        return tuple(per_axis(getattr(task.impedance, name), size, name).tolist())
 
     return TaskSpec(
         task.force_axes, diagonal("inertia"), diagonal("damping"), diagonal("stiffness"),

@@ -119,6 +119,15 @@ def _records(file: IO[bytes], path: Path) -> Iterator[tuple[int, bytes]]:
             offset += size
 
 
+def is_whole(path: Path) -> bool:
+    """Return whether there is a bag at `path` that its writer finished: it ends as it begins."""
+    if not path.is_file() or path.stat().st_size < len(_MAGIC):
+        return False
+    with path.open("rb") as file:
+        file.seek(-len(_MAGIC), os.SEEK_END)
+        return file.read() == _MAGIC
+
+
 def _chunks(file: IO[bytes], path: Path) -> Iterator[bytes]:
     """Yield every whole chunk, decompressed. Where the writer was killed the end is missing: that is no error."""
     if not _MAGIC.startswith(file.read(len(_MAGIC))):

@@ -16,18 +16,21 @@ LARGEST_DIFF = 200_000
 
 
 def provenance(experiment: Path) -> dict[str, Any]:
-    """Return what the manifest says of code and machine. The commit is that of the experiment's repository."""
+    """Return what the manifest says of code and machine; what is not known is None.
+
+    The commit is that of the experiment's repository.
+    """
     return {"hilrig": __version__, **_repository(experiment.parent), **_software(), "host": _host()}
 
 
 def _repository(folder: Path) -> dict[str, Any]:
     commit = _git(folder, "rev-parse", "HEAD")
     if commit is None:
-        return {"commit": None, "dirty": False, "diff": ""}
-    diff = _git(folder, "diff", "HEAD") or ""
-    cut = diff if len(diff) <= LARGEST_DIFF else diff[:LARGEST_DIFF] + "\n[the rest of the diff is left out]\n"
-    untracked = _git(folder, "status", "--porcelain") or ""
-    return {"commit": commit.strip(), "dirty": bool(untracked.strip()), "diff": cut}
+        return {"commit": None, "dirty": None, "diff": None}
+    diff, status = _git(folder, "diff", "HEAD"), _git(folder, "status", "--porcelain")
+    if diff is not None and len(diff) > LARGEST_DIFF:
+        diff = diff[:LARGEST_DIFF] + "\n[the rest of the diff is left out]\n"
+    return {"commit": commit.strip(), "dirty": None if status is None else bool(status.strip()), "diff": diff}
 
 
 def _git(folder: Path, *arguments: str) -> str | None:

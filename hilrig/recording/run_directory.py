@@ -2,42 +2,65 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from hilrig.errors import RunDirectoryError
+from hilrig.recording.bag import is_whole
 from hilrig.trial import Trial
 
-OUTCOMES = ("completed", "tripped", "aborted", "timed_out", "failed")
+DAMAGED = "damaged"
+"""Outcome of a trial that completed, and whose bag has been cut or is gone since"""
 PARTS = ("experiment.yaml", "manifest.json", "plan.json", "trials")
 
 
 def create_run(out: Path, name: str, experiment: bytes, plan: Mapping[str, Any]) -> Path:
     """Make a new run directory below `out`: <utc>-<name>, with the experiment byte for byte and the plan."""
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-    run = _unused(out / f"{stamp}-{name}")
-    (run / "trials").mkdir(parents=True)
+    run = _new_directory(out / f"{stamp}-{name}")
+    (run / "trials").mkdir()
     (run / "experiment.yaml").write_bytes(experiment)
     write_json(run / "plan.json", plan)
     return run
 
 
-def _unused(path: Path) -> Path:
-    """Return `path`, or with -2, -3 ... behind it if two runs begin within a second."""
-    candidate, number = path, 1
-    while candidate.exists():
-        number += 1
-        candidate = path.with_name(f"{path.name}-{number}")
-    return candidate
+def _new_directory(path: Path) -> Path:
+    """Make and return `path`, or with -2, -3 ... behind it if several runs begin within a second."""
+    for number in itertools.count(1):
+        candidate = path if number == 1 else path.with_name(f"{path.name}-{number}")
+        with suppress(FileExistsError):
+            make_directory(candidate)
+            return candidate
+    raise AssertionError("unreachable")
+
+
+def make_directory(path: Path) -> None:
+    """Make a directory that was not there. Raises FileExistsError, or RunDirectoryError naming what forbids it."""
+    try:
+        path.mkdir(parents=True)
+    except FileExistsError:
+        if not path.is_dir():
+            raise RunDirectoryError(f"{path}: cannot be made a directory: there is a file of that name") from None
+        raise
+    except OSError as error:
+        raise RunDirectoryError(f"{path}: cannot be made: {error.strerror}") from error
+
+
+def trial_path(run: Path, trial: str) -> Path:
+    """Return where one trial's files are."""
+    return run / "trials" / trial
 
 
 def trial_directory(run: Path, trial: str) -> Path:
     """Return the directory of one trial, made if need be."""
-    directory = run / "trials" / trial
+    directory = trial_path(run, trial)
     (directory / "logs").mkdir(parents=True, exist_ok=True)
     return directory
 
@@ -45,8 +68,21 @@ def trial_directory(run: Path, trial: str) -> Path:
 def write_json(path: Path, document: Any) -> None:
     """Write a document so that a crash leaves the old file or the new one, never half of one."""
     partial = path.with_name(f".{path.name}.part")
-    partial.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    partial.write_text(to_json(document) + "\n", encoding="utf-8")
     os.replace(partial, path)
+
+
+def to_json(document: Any) -> str:
+    """Return a document as JSON, with null for what JSON has no number for: infinities and NaN."""
+    return json.dumps(_finite(document), indent=2, allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def read_json(path: Path) -> Any:
@@ -57,6 +93,24 @@ def read_json(path: Path) -> Any:
         raise RunDirectoryError(f"{path}: there is no such file; is {path.parent} a run directory?") from None
     except ValueError as error:
         raise RunDirectoryError(f"{path}: not JSON ({error})") from error
+
+
+def read_plan(run: Path) -> dict[str, Any]:
+    """Return a run's plan: the experiment and its trials. Raises RunDirectoryError."""
+    return _document(run / "plan.json", ("experiment", "trials"))
+
+
+def read_manifest(run: Path) -> dict[str, Any]:
+    """Return what a run says of itself and where it comes from. Raises RunDirectoryError."""
+    return _document(run / "manifest.json", ("name", "question", "command", "clock", "seed", "commit"))
+
+
+def _document(path: Path, needed: tuple[str, ...]) -> dict[str, Any]:
+    document = read_json(path)
+    missing = [key for key in needed if not isinstance(document, dict) or key not in document]
+    if missing:
+        raise RunDirectoryError(f"{path}: damaged, it has no {', '.join(missing)}")
+    return document
 
 
 def find_run(path: Path) -> Path:
@@ -76,14 +130,9 @@ def list_runs(out: Path) -> list[Path]:
     return sorted(path for path in out.iterdir() if all((path / part).exists() for part in PARTS))
 
 
-def read_trials(run: Path) -> list[Trial]:
-    """Return the trials of the plan, in order."""
-    return [Trial.from_document(document) for document in read_json(run / "plan.json")["trials"]]
-
-
 def read_trial(run: Path, trial: str) -> Trial:
     """Return one trial of the plan. Raises RunDirectoryError if it has no such trial."""
-    documents: Sequence[Mapping[str, Any]] = read_json(run / "plan.json")["trials"]
+    documents: Sequence[Mapping[str, Any]] = read_plan(run)["trials"]
     for document in documents:
         if document["id"] == trial:
             return Trial.from_document(document)
@@ -91,14 +140,24 @@ def read_trial(run: Path, trial: str) -> Trial:
 
 
 def read_outcome(run: Path, trial: str) -> dict[str, Any]:
-    """Return the outcome of one trial; one that has none was never finished."""
-    path = run / "trials" / trial / "outcome.json"
-    if not path.is_file():
-        return {
-            "trial": trial,
-            "outcome": "aborted",
-            "reason": "never run to its end",
-            "ticks": 0,
-            "channels": {},
-        }
-    return read_json(path)
+    """Return the outcome of one trial; where the run left none: "aborted" if it was begun, else "not run".
+
+    A trial that completed is "damaged" if its bag is not whole any more.
+    """
+    folder = trial_path(run, trial)
+    if (folder / "outcome.json").is_file():
+        outcome = read_json(folder / "outcome.json")
+        whole = outcome["outcome"] != "completed" or is_whole(folder / "bag.mcap")
+        damage = {"outcome": DAMAGED, "reason": "it completed, but bag.mcap has been cut or is gone since"}
+        return outcome if whole else {**outcome, **damage}
+    begun = folder.is_dir()
+    reason = f"the run ended before this trial {'did' if begun else 'began'}"
+    return {
+        "trial": trial, "outcome": "aborted" if begun else "not run", "reason": reason, "ticks": 0, "channels": {},
+    }  # fmt: skip
+
+
+def messages_lost(outcome: Mapping[str, Any]) -> int | None:
+    """Return how many messages of a trial were sent but not stored; None where that is not known."""
+    lost = [account["lost"] for account in outcome["channels"].values()]
+    return None if None in lost or not lost else sum(lost)

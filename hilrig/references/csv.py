@@ -35,10 +35,10 @@ class Csv:
     def filled(self, text: str) -> Csv:
         """Return the reference with the points of the file's `text`.
 
-        Raises ValueError naming row and column.
+        Raises ValueError naming line and column.
         """
         reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
-        rows = list(reader)
+        rows = [(reader.line_num, row) for row in reader]
         times, values = (self._numbers(rows, reader.fieldnames or (), name) for name in (self.time, self.column))
         try:
             check_points(times, values)
@@ -46,17 +46,17 @@ class Csv:
             raise ValueError(f"{self.file}: {error}") from error
         return replace(self, times=times, values=values)
 
-    def _numbers(self, rows: list[dict[str, str]], names: Sequence[str], column: str) -> tuple[float, ...]:
+    def _numbers(self, rows: list[tuple[int, dict[str, str]]], names: Sequence[str], column: str) -> tuple[float, ...]:
         if column not in names:
             there = ", ".join(names) or "none"
             raise ValueError(f"{self.file} has no column '{column}'{nearest(column, names)} (columns: {there})")
-        return tuple(self._number(row[column], column, line) for line, row in enumerate(rows, start=2))
+        return tuple(self._number(row[column], column, line) for line, row in rows)
 
     def _number(self, text: str | None, column: str, line: int) -> float:
         try:
             return float(text or "")
         except ValueError as error:
-            raise ValueError(f"{self.file}: row {line}, column '{column}': '{text or ''}' is not a number") from error
+            raise ValueError(f"{self.file}: line {line}, column '{column}': '{text or ''}' is not a number") from error
 
     def sample(self, time: Array, span: Span) -> Samples:
         """Return the curve at `time` (N,) s."""

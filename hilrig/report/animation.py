@@ -23,7 +23,7 @@ COLOURS = 96
 
 
 def animation(scene: tuple[TrialEntry, Array] | None, folder: Path) -> Shown:
-    """Write figures/handrail.gif and handrail_strip.png of a trial and its joint positions (N, n) rad.
+    """Write figures/animation.gif and animation_strip.png of a trial and its joint positions (N, n) rad.
 
     A picture without source means that there is no animation; its caption says why.
     """
@@ -41,11 +41,11 @@ def animation(scene: tuple[TrialEntry, Array] | None, folder: Path) -> Shown:
         return _none(f"No animation: {str(error).splitlines()[0]}.")
     pictures = [Image.fromarray(np.ascontiguousarray(frame, dtype=np.uint8)) for frame in frames]
     gif = _gif(pictures)
-    (folder / "figures" / "handrail.gif").write_bytes(gif)
-    (folder / "figures" / "handrail_strip.png").write_bytes(_strip(pictures))
+    (folder / "figures" / "animation.gif").write_bytes(gif)
+    (folder / "figures" / "animation_strip.png").write_bytes(_strip(pictures))
     start, end = rows[0] * trial.document["period"], rows[-1] * trial.document["period"]
     caption = f"{trial.controller}, condition {trial.condition}, repeat {trial.repeat}, {start:.1f} s to {end:.1f} s."
-    return Shown("animation", "The arm at work", caption, data_uri("image/gif", gif), "handrail")
+    return Shown("animation", "The arm at work", caption, data_uri("image/gif", gif), "animation")
 
 
 def _none(reason: str) -> Shown:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
@@ -11,16 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from hilrig import plugins
-from hilrig.errors import RunDirectoryError
-from hilrig.interfaces import Impedance, per_axis
 from hilrig.messages.codec import definition
 from hilrig.metrics._record import PhaseRecord
 from hilrig.recording.bag import read_bag
+from hilrig.recording.run_directory import (
+    find_run,
+    read_json,
+    read_manifest,
+    read_outcome,
+    read_plan,
+    trial_path,
+)
 from hilrig.signals import WRENCH_AXES, Array
-
-ALL_PHASES = "all"
-"""Name of the span over every phase."""
+from hilrig.trial import TaskSpec, make_impedance
 
 CHANNELS = ("truth", "command", "internals", "driver_timing")
 """The channels a report needs; instead of a truth that the driver does not know, what was measured"""
@@ -36,28 +38,33 @@ class TrialEntry:
     folder: Path
     document: Document
     outcome: Document
-    """outcome.json; a trial without one has the outcome "not run" """
+    """What `read_outcome` says of it"""
     timing: Document
     """timing.json, or empty"""
 
     @property
     def id(self) -> str:
+        """<controller>.<condition>.<repeat>"""
         return self.document["id"]
 
     @property
     def controller(self) -> str:
+        """Name of the controller"""
         return self.document["controller_name"]
 
     @property
     def condition(self) -> str:
+        """Name of the condition"""
         return self.document["condition_name"]
 
     @property
     def repeat(self) -> int:
+        """Number of the repeat, from 0"""
         return self.document["repeat"]
 
     @property
     def completed(self) -> bool:
+        """Whether it ran to its end and its record is whole"""
         return self.outcome["outcome"] == "completed"
 
 
@@ -96,35 +103,21 @@ class TrialSignals:
 
 def load_run(path: Path) -> RunData:
     """Read a run's documents. Raises RunDirectoryError if `path` is not a run."""
-    plan = _read_json(path / "plan.json")
-    if plan is None or "trials" not in plan:
-        raise RunDirectoryError(f"{path} is not a run: it has no plan.json with trials")
-    text = path / "experiment.yaml"
+    plan = read_plan(find_run(path))
     return RunData(
         path,
-        plan.get("experiment", {}),
-        _read_json(path / "manifest.json") or {},
+        plan["experiment"],
+        read_manifest(path),
         tuple(_entry(path, document) for document in plan["trials"]),
-        text.read_text(encoding="utf-8", errors="replace") if text.exists() else "",
+        (path / "experiment.yaml").read_text(encoding="utf-8", errors="replace"),
     )
 
 
 def _entry(path: Path, document: Document) -> TrialEntry:
-    folder = path / "trials" / document["id"]
-    missing = {"outcome": "not run", "reason": "the run ended before this trial"}
-    return TrialEntry(
-        folder, document, _read_json(folder / "outcome.json") or missing, _read_json(folder / "timing.json") or {}
-    )
-
-
-def _read_json(path: Path) -> dict[str, Any] | None:
-    """Return the document, or None if there is no such file. Raises RunDirectoryError if it is not JSON."""
-    if not path.exists():
-        return None
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise RunDirectoryError(f"{path} is not JSON: {error}") from None
+    folder = trial_path(path, document["id"])
+    timing = folder / "timing.json"
+    outcome = read_outcome(path, document["id"])
+    return TrialEntry(folder, document, outcome, read_json(timing) if timing.exists() else {})
 
 
 def read_signals(trial: TrialEntry) -> TrialSignals | None:
@@ -149,7 +142,7 @@ def align(channels: Channels, document: Document) -> TrialSignals | None:
     if ticks.size < 2:
         return None
     picked = {name: _pick(channels[name], ticks) for name in needed}
-    axes = task_axes(document)
+    axes = tuple(document["axes"])
     source = picked.get("truth", picked["internals"])
     wrench = picked[plant]["wrench"]
     record = _record(picked, source, wrench, axes, document, _late(channels.get("driver_timing"), ticks))
@@ -191,7 +184,7 @@ def _record(
 ) -> PhaseRecord:
     internals, time = picked["internals"], picked["command"]["time"]
     velocity = source["velocity"]
-    impedance = impedance_of(document, axes)
+    impedance = make_impedance(TaskSpec.from_document(document["task"]), axes)
     desired = internals["reference_position"]
     return PhaseRecord(
         tick=picked["command"]["tick"],
@@ -215,16 +208,3 @@ def _record(
         torque=picked["command"]["torque"],
         late=late,
     )
-
-
-def task_axes(document: Document) -> tuple[str, ...]:
-    """Return the names of the task axes: those of the robot's kind."""
-    return tuple(plugins.load("robots", document["driver"]["robot"]["kind"], None).axes)
-
-
-def impedance_of(document: Document, axes: tuple[str, ...]) -> Impedance:
-    """Return the desired dynamics of a trial's document."""
-    task = document["task"]
-    sigma = np.array([0.0 if axis in task["force_axes"] else 1.0 for axis in axes])
-    inertia, damping, stiffness = (per_axis(task[key], len(axes)) for key in ("inertia", "damping", "stiffness"))
-    return Impedance(sigma, inertia, damping, stiffness, task["states"] == "reference")

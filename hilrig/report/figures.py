@@ -31,6 +31,7 @@ class Drawn:
 
     @property
     def some(self) -> TrialSignals:
+        """Signals of one of the trials, for what they have in common"""
         return next(iter(self.trials.values()))[1]
 
     @property
@@ -40,6 +41,7 @@ class Drawn:
 
     @property
     def phases(self) -> list[Any]:
+        """The experiment's phases, as in the plan"""
         return next(iter(self.trials.values()))[0].document["phases"]
 
 
@@ -141,7 +143,6 @@ def _with_zoom(
         notes += _panel(axes, cut, reference, f"{quantity} [{unit}]" if k % columns == 0 else "", unit, (start, end))
         axes.set_title(f"{label}", loc="left", color="#444444", pad=3)
         whole.axvspan(start, end, color="#000000", alpha=0.045, linewidth=0)
-    figure.axes[-1].set_xlabel("time [s]")
     for axes in figure.axes:
         axes.set_xlabel("time [s]", labelpad=1.5)
     _legend(figure, drawn, reference is not None)
@@ -179,15 +180,21 @@ def draw(axes: Axes, curve: Curve, depth: float) -> None:
     axes.plot(*thin(curve.time, curve.values), color=style.colour, linestyle=style.dash, zorder=depth)
 
 
-def canvas(rows: int, columns: int, first: float, other: float, top: float = TOP) -> tuple[Figure, Any]:
-    """Return a figure across two columns and its grid; heights of the first and the other rows in inches."""
+def canvas(
+    rows: int, columns: int, first: float, other: float, top: float = TOP, between: float = 0.24
+) -> tuple[Figure, Any]:
+    """Return a figure across a page's two columns, and its grid.
+
+    `first`, `other` and `top` are the heights of the first row, the others and the margin in inches; `between` is the
+    gap between columns over their width.
+    """
     gap = 0.52
     height = top + BOTTOM + first + (rows - 1) * (other + gap)
     figure = Figure(figsize=(TWO_COLUMNS, height))
     inner = (height - top - BOTTOM) / rows - gap * (rows - 1) / rows
     grid = figure.add_gridspec(
         rows, columns, left=LEFT / TWO_COLUMNS, right=1 - RIGHT / TWO_COLUMNS, top=1 - top / height,
-        bottom=BOTTOM / height, hspace=gap / inner, wspace=0.24,
+        bottom=BOTTOM / height, hspace=gap / inner, wspace=between,
         height_ratios=[first, *[other] * (rows - 1)],
     )  # fmt: skip
     return figure, grid

@@ -58,9 +58,7 @@ def internals_figure(trial: TrialEntry, signals: TrialSignals) -> Picture | None
     documents = memory_documents(trial.document["controller"]["kind"])
     with mpl.rc_context(RC):
         rows = -(-len(fields) // COLUMNS)
-        figure, grid = canvas(rows, COLUMNS, 1.25, 1.25, top=0.25)
-        figure.subplots_adjust(wspace=0.42)
-        grid.update(wspace=0.42)
+        figure, grid = canvas(rows, COLUMNS, 1.25, 1.25, top=0.25, between=0.42)
         notes: list[str] = []
         for k, name in enumerate(fields):
             axes = figure.add_subplot(grid[k // COLUMNS, k % COLUMNS])

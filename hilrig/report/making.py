@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from hilrig.errors import RunDirectoryError
-from hilrig.recording.run_directory import find_run, write_json
+from hilrig.recording.run_directory import DAMAGED, make_directory, write_json
 from hilrig.report.animation import animation
 from hilrig.report.comparison import Verdict, summarise, verdicts
 from hilrig.report.dataset import RunData, TrialEntry, TrialSignals, align, load_run, read_channels
@@ -40,25 +42,33 @@ def make_report(run: Path, out: Path | None = None) -> Path:
     """Make the report of a run from its directory alone; return the path of its page.
 
     Writes index.html, figures/, metrics.csv and summary.json into `out` (default reports/<name of the run>), and
-    metrics.csv into the run directory. Raises RunDirectoryError if `run` is not one, or if it has nothing to report.
+    metrics.csv into the run directory. Raises RunDirectoryError if `run` is not one, if it has nothing to report, or if
+    `out` cannot be made.
     """
-    data = load_run(find_run(run))
+    data = load_run(run)
     folder = out or REPORTS / data.path.resolve().name
     drawn = _first_repeats(data)
     reads = _read_all(data, drawn)
     metrics = table([row for trial in data.trials if trial.id in reads for row in reads[trial.id].rows])
     if not reads:
         raise RunDirectoryError(f"{run}: no trial left a usable bag; see: hilrig show {run}")
-    (folder / "figures").mkdir(parents=True, exist_ok=True)
-    for path in (data.path / "metrics.csv", folder / "metrics.csv"):
-        metrics.to_csv(path, index=False)
-    judged, expected = verdicts(metrics), judge(data.experiment.get("expect") or [], metrics)
+    with suppress(FileExistsError):
+        make_directory(folder / "figures")
+    metrics.to_csv(folder / "metrics.csv", index=False)
+    _keep_in_run(data, metrics)
+    judged, expected = verdicts(metrics), judge(data.experiment.get("expect") or [], metrics, data.trials)
     content = Content(
         data, metrics, summarise(metrics), judged, expected, _figures(data, drawn, reads, folder),
         animation(_scene(drawn, reads), folder), sorted({read.source for read in reads.values()}), folder,
     )  # fmt: skip
     write_json(folder / "summary.json", _summary(data, content.summary, judged, expected))
     return write_page(content)
+
+
+def _keep_in_run(data: RunData, metrics: pd.DataFrame) -> None:
+    """Write the run's own metrics.csv, unless a record has been damaged since, or the run can only be read."""
+    if os.access(data.path, os.W_OK) and not any(trial.outcome["outcome"] == DAMAGED for trial in data.trials):
+        metrics.to_csv(data.path / "metrics.csv", index=False)
 
 
 def _first_repeats(data: RunData) -> dict[str, dict[str, TrialEntry]]:

@@ -10,11 +10,15 @@ import numpy as np
 import pandas as pd
 
 from hilrig import plugins
+from hilrig.errors import RunDirectoryError
 from hilrig.interfaces import Metric
 from hilrig.metrics._record import PhaseRecord
-from hilrig.report.dataset import ALL_PHASES, TrialEntry, TrialSignals
+from hilrig.report.dataset import TrialEntry, TrialSignals
+from hilrig.trial import ALL_PHASES
 
 COLUMNS = ("trial", "controller", "condition", "repeat", "phase", "metric", "axis", "value", "unit")
+
+_TYPES: Any = {**dict.fromkeys(COLUMNS, str), "repeat": int, "value": float}
 
 _OVER_TIME = (
     "tick", "time", "position", "velocity", "acceleration", "force", "reference_position", "reference_velocity",
@@ -62,5 +66,11 @@ def table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
 
 
 def read_table(text: Any) -> pd.DataFrame:
-    """Read a metrics.csv (path or file); an empty axis or unit stays an empty string."""
-    return pd.read_csv(text, keep_default_na=False, na_values={"value": ["nan", "NaN", ""]})
+    """Read a metrics.csv (path or file); an empty axis or unit stays an empty string. Raises RunDirectoryError."""
+    try:
+        found = pd.read_csv(text, dtype=_TYPES, keep_default_na=False, na_values={"value": ["nan", "NaN", ""]})
+    except ValueError as error:
+        raise RunDirectoryError(f"{text}: no table of metrics ({error})") from error
+    if missing := set(COLUMNS) - set(found.columns):
+        raise RunDirectoryError(f"{text}: no table of metrics, it lacks the column '{min(missing)}'")
+    return found

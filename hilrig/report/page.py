@@ -13,6 +13,7 @@ from typing import Any
 import pandas as pd
 from jinja2 import Environment, StrictUndefined
 
+from hilrig.recording.run_directory import messages_lost
 from hilrig.report.comparison import Verdict
 from hilrig.report.dataset import RunData, TrialEntry
 from hilrig.report.expectations import Expected
@@ -95,8 +96,6 @@ def _answer(content: Content) -> list[str]:
 def _timing(trial: TrialEntry) -> dict[str, Any]:
     """Return one row of the timing table; None for what is not known."""
     outcome, timing = trial.outcome, trial.timing
-    channels = outcome.get("channels") or {}
-    lost = [counts["lost"] for counts in channels.values()]
     return {
         "trial": trial.id,
         "outcome": outcome["outcome"],
@@ -106,7 +105,7 @@ def _timing(trial: TrialEntry) -> dict[str, Any]:
         "lateness": timing.get("lateness_us"),
         "round_trip": timing.get("round_trip_us"),
         "compute": timing.get("compute_us"),
-        "lost": None if not channels or None in lost else sum(lost),
+        "lost": messages_lost(outcome),
     }
 
 
@@ -118,7 +117,8 @@ def number(value: float | None, digits: int = 3) -> str:
         return "∞" if value > 0 else "−∞"
     if value == 0:
         return "0"
-    size = math.floor(math.log10(abs(value)))
+    # The exponent after rounding: 9.999 to three digits is 10.0.
+    size = int(f"{value:.{digits - 1}e}".partition("e")[2])
     if size >= 6 or size < -5:
         mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
         return f"{mantissa}e{int(exponent)}".replace("-", "−")

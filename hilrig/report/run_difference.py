@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from hilrig.errors import RunDirectoryError
 from hilrig.report.comparison import CELL, interval
 from hilrig.report.dataset import RunData, load_run, read_signals
 from hilrig.report.measures import all_metrics, measure, read_table, table
@@ -33,20 +34,20 @@ def compare(run_a: Path, run_b: Path) -> pd.DataFrame:
     Columns: controller, condition, phase, metric, axis, unit, a, b, difference, relative, low, high, repeats. `low` and
     `high` bound the mean difference (95 % t interval); they are infinite for fewer than two repeats, and where the
     seeds of the runs differ, so that repeats are not pairs. `attrs["notes"]` lists what limits the comparison.
-    Raises RunDirectoryError if a directory is not a run.
+    Raises RunDirectoryError if a directory is not a run, or if they have nothing in common.
     """
     a, b = load_run(run_a), load_run(run_b)
     tables = [run_metrics(run) for run in (a, b)]
-    joined = tables[0].merge(
-        tables[1].drop(columns=["trial", "unit"]), on=[*KEY, "repeat"], how="outer", suffixes=("_a", "_b")
-    )
-    both = joined.dropna(subset=["value_a", "value_b"])
+    first, second = (table.dropna(subset="value") for table in tables)
+    both = first.merge(second.drop(columns=["trial", "unit"]), on=[*KEY, "repeat"], suffixes=("_a", "_b"))
     paired = a.manifest.get("seed") == b.manifest.get("seed")
     groups: Any = both.groupby(KEY, sort=False)
     rows = [_row(key, rows, paired) for key, rows in groups]
     columns = [*KEY, "unit", "a", "b", "difference", "relative", "low", "high", "repeats"]
+    if not rows:
+        raise RunDirectoryError(f"{run_a} and {run_b} have no controller, condition and phase in common")
     result = pd.DataFrame(rows, columns=columns)
-    result.attrs["notes"] = _notes(a, b, len(joined) - len(both))
+    result.attrs["notes"] = _notes(a, b, len(first) + len(second) - 2 * len(both))
     return result
 
 
@@ -76,6 +77,11 @@ def _notes(a: RunData, b: RunData, unmatched: int) -> list[str]:
     return notes
 
 
+def _signed(difference: float) -> str:
+    """Return the difference with its sign; a dash where both values are infinite and there is none."""
+    return "–" if np.isnan(difference) else f"{difference:+.3g}"
+
+
 def render(differences: pd.DataFrame) -> str:
     """Return the table of `compare` as text for a terminal: "*" where the interval excludes zero, then the notes."""
     lines = [f"{'controller':14} {'condition':12} {'phase':10} {'metric':28} {'a':>11} {'b':>11} {'b - a':>11} {'':>8}"]
@@ -86,7 +92,7 @@ def render(differences: pd.DataFrame) -> str:
         change = f"{row.relative:+.1%}" if np.isfinite(row.relative) else ""
         lines.append(
             f"{row.controller:14} {row.condition:12} {row.phase:10} {name:28} "
-            f"{row.a:11.4g} {row.b:11.4g} {row.difference:+11.3g} {change:>8} {mark}".rstrip()
+            f"{row.a:11.4g} {row.b:11.4g} {_signed(row.difference):>11} {change:>8} {mark}".rstrip()
         )
     lines.append("* the 95 % t interval of the paired difference excludes zero; lower is better in every metric")
     return "\n".join([*lines, *(f"note: {note}" for note in differences.attrs["notes"])])

@@ -49,7 +49,6 @@ RC: Any = {
     "legend.frameon": False,
     "legend.handlelength": 2.6,
     "figure.dpi": 100,
-    "savefig.dpi": 300,
     "svg.hashsalt": "hilrig",
     "path.simplify": True,
     "axes.formatter.useoffset": False,

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from hilrig.report.comparison import Verdict
-from hilrig.report.dataset import ALL_PHASES
+from hilrig.trial import ALL_PHASES
 
 Cell = tuple[str, str, str, str]
 HEADLINES = ("force_rmse", "position_rmse", "auxiliary_error_rmse")

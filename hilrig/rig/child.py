@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from hilrig.errors import HilrigError, Stopped
+from hilrig.errors import RigError, Stopped, describe
 from hilrig.recording.run_directory import read_trial
 from hilrig.rig.bus import Bus
 from hilrig.rig.cores import come_first, finish_before_yielding, pin
@@ -39,6 +39,8 @@ class Orders:
     connect: tuple[str, ...]
     cores: tuple[int, ...]
     realtime: bool
+    patience: float
+    """s that the others are given to join"""
     parent: int
 
     def to_json(self) -> str:
@@ -69,8 +71,8 @@ class Child:
             pin(list(self.orders.cores))
             if not self.orders.realtime:
                 finish_before_yielding()
-            elif self.role != "logger":
-                come_first()
+            elif self.role != "logger" and not come_first():
+                print("no permission for SCHED_FIFO: other processes of this core may come first", flush=True)
             self._bus = Bus(self.orders.trial, self.role, self.orders.listen, self.orders.connect)
             self._status = self._bus.outbox("status", blocking=True)
             self._orders = self._bus.inbox("order")
@@ -83,16 +85,15 @@ class Child:
 
     def tell(self, event: str, **details: Any) -> None:
         """Tell the supervisor."""
-        bus = self.bus
-        assert bus is not None
+        assert self.bus is not None
         self._status.put(json.dumps({"role": self.role, "event": event, **details}).encode())
 
     def ready(self, peers: tuple[str, ...], **details: Any) -> dict[str, Any]:
         """Join the others and wait for the order to go; return what the order carries."""
         self.bus.announce()
-        missing = self.bus.wait_for((*peers, "supervisor"), timeout=120.0)
+        missing = self.bus.wait_for((*peers, "supervisor"), timeout=self.orders.patience)
         if missing:
-            raise HilrigError(f"{self.role}: waited 120 s for {', '.join(sorted(missing))}")
+            raise RigError(f"waited {self.orders.patience:g} s for {', '.join(sorted(missing))}")
         # Before the start: a collection takes 50 ms, and the other half of the loop shares this core.
         freeze()
         self.tell("ready", **details)
@@ -170,12 +171,3 @@ def main(work: Callable[[Child], None]) -> None:
         if signals.orphaned:
             shutil.rmtree(orders.sockets, ignore_errors=True)
     sys.exit(code)
-
-
-def describe(error: BaseException) -> str:
-    """Return one line: what was raised, and where."""
-    if isinstance(error, HilrigError):
-        return str(error)
-    frames = traceback.extract_tb(error.__traceback__)
-    where = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
-    return f"{type(error).__name__}: {error}{where}"

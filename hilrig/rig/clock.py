@@ -7,6 +7,8 @@ import time
 
 TIMER_ABSTIME = 1
 NANOSECONDS = 1_000_000_000
+PROGRESS = 100_000_000
+"""ns between two reports of a trial's progress, and two looks whether to stop"""
 SPIN = 100_000
 """ns: the last part of every wait is spent awake, because the kernel wakes a sleeper some microseconds late"""
 

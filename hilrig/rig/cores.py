@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import os
-from contextlib import suppress
-
-from hilrig.errors import RigError
 
 REALTIME_PRIORITY = 50
 """Of 1 to 99: below the kernel's own threads that matter"""
 
 
 def cores_for(slot: int) -> dict[str, tuple[int, ...]]:
-    """Return the cores of each role: one for driver and controller (the fastest hand-over), another for the logger.
-
-    Raises RigError where the system tells no cores.
-    """
+    """Return the cores of each role: one for driver and controller (the fastest hand-over), another for the logger."""
     cores = sorted(os.sched_getaffinity(0))
-    if not cores:
-        raise RigError("this process may run on no core")
     own, other = cores[slot % len(cores)], cores[(slot + 1) % len(cores)]
     return {"driver": (own,), "controller": (own,), "logger": (other,)}
 
@@ -38,7 +30,10 @@ def finish_before_yielding() -> None:
     os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
 
 
-def come_first() -> None:
-    """Run before every ordinary process (SCHED_FIFO) where that is permitted; elsewhere stay as it is."""
-    with suppress(PermissionError):
+def come_first() -> bool:
+    """Run before every ordinary process (SCHED_FIFO); return whether that is permitted."""
+    try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REALTIME_PRIORITY))
+    except PermissionError:
+        return False
+    return True

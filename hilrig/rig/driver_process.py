@@ -9,12 +9,9 @@ from hilrig.errors import Stopped
 from hilrig.loop import PlantSide, drive, warm_up_plant
 from hilrig.rig.channels import DRIVER, PARCEL, Codecs, Record, Stamps
 from hilrig.rig.child import Child, main
-from hilrig.rig.clock import Pacer
+from hilrig.rig.clock import PROGRESS, Pacer
 from hilrig.signals import Command, Measurement, Truth
 from hilrig.trial import Trial
-
-PROGRESS = 100_000_000
-"""ns between two reports of progress"""
 
 
 class BusWire:

@@ -6,6 +6,7 @@ import queue
 import shlex
 import threading
 import time
+import traceback
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -14,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
+from hilrig.errors import describe
 from hilrig.experiment import Experiment
 from hilrig.recording.manifest import provenance
 from hilrig.recording.run_directory import create_run, trial_directory, write_json
@@ -91,7 +93,7 @@ def _manifest(experiment: Experiment, source: Path, options: Options) -> dict[st
 
 
 class _Work:
-    """The trials being run: `jobs` at a time, each on cores of its own."""
+    """The trials being run: `jobs` at a time, each with a slot of its own, which says on which cores."""
 
     def __init__(self, run: Path, options: Options, listener: Listener) -> None:
         self._run, self._options, self._listener = run, options, listener
@@ -127,7 +129,13 @@ class _Work:
         return outcome
 
     def _run_trial(self, trial: Trial, slot: int) -> Outcome:
+        """Run one trial; whatever goes wrong in it is its outcome, and the others go on."""
         report = partial(self._listener.progressed, trial)
-        if self._options.in_process:
-            return run_in_process(self._run, trial, report, self._stopped)
-        return run_on_bus(self._run, trial, report, self._stopped, slot)
+        try:
+            if self._options.in_process:
+                return run_in_process(self._run, trial, report, self._options.stop.is_set)
+            return run_on_bus(self._run, trial, report, self._options.stop.is_set, slot)
+        except Exception as error:
+            log = trial_directory(self._run, trial.id) / "logs" / "supervisor.log"
+            log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+            return Outcome.of(trial, "failed", f"{describe(error)} (see {log})", 0, 0.0, {})

@@ -12,13 +12,10 @@ from hilrig.recording.recorder import Recorder
 from hilrig.recording.run_directory import trial_directory, write_json
 from hilrig.recording.timing import summarise
 from hilrig.rig.channels import Codecs, Stamps, channels
-from hilrig.rig.clock import Pacer
+from hilrig.rig.clock import PROGRESS, Pacer
 from hilrig.rig.outcome import Outcome
 from hilrig.signals import Command, Measurement, Truth
 from hilrig.trial import Trial
-
-LISTEN = 256
-"""Ticks between two reports of progress, and two looks whether to stop"""
 
 
 class DirectWire:
@@ -37,12 +34,16 @@ class DirectWire:
             Stamps("ControllerTiming", 4),
         )
         self._moments = (0, 0)
+        self._next_report = 0
         self.sent: dict[str, int] = dict.fromkeys(recorder.summary(), 0)
 
     def wait(self, tick: int) -> None:
         """Wait for the tick's due time. Raises Stopped when told to."""
-        self._moments = (self._pacer.wait(tick), time.monotonic_ns())
-        if tick % LISTEN == 0:
+        due = self._pacer.wait(tick)
+        woke = time.monotonic_ns()
+        self._moments = (due, woke)
+        if woke > self._next_report:
+            self._next_report = woke + PROGRESS
             self._report(tick)
             if self._stop():
                 raise Stopped("interrupted")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hilrig.errors import Stopped
 from hilrig.recording.recorder import Recorder
-from hilrig.recording.run_directory import write_json
+from hilrig.recording.run_directory import trial_path, write_json
 from hilrig.recording.timing import summarise
 from hilrig.rig.bus import Inbox
 from hilrig.rig.channels import NAMES, channels, unpack_parcel
@@ -15,7 +15,7 @@ def work(child: Child) -> None:
     """Record until every sender has said that it sent its last message, or until stopped."""
     parcels = child.bus.inbox("record")
     order = child.ready(("driver", "controller"))
-    directory = child.run / "trials" / child.orders.trial
+    directory = trial_path(child.run, child.orders.trial)
     with Recorder(directory, order["period"], channels(order["memory"])) as recorder:
         try:
             record(parcels, recorder)

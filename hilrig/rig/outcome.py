@@ -17,9 +17,12 @@ class Outcome:
     outcome: str
     """completed, tripped, aborted, timed_out or failed"""
     reason: str
+    """Why, in one line; empty if completed"""
     ticks: int
+    """Ticks that the driver did"""
     planned_ticks: int
     wall_s: float
+    """From the start of the first tick to the end of the record, s"""
     speed: float
     """Simulated time over wall time, start-up left out"""
     channels: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)

@@ -90,7 +90,7 @@ class Rig:
         orders = Orders(
             role, str(self.run.resolve()), self.trial.id, self._sockets,
             tuple(map(self._endpoint, listens)), tuple(map(self._endpoint, connects)),
-            self._cores[role], self.trial.clock == "realtime", os.getpid(),
+            self._cores[role], self.trial.clock == "realtime", READY_TIMEOUT, os.getpid(),
         )  # fmt: skip
         # -P: a folder of the working directory must not shadow a package. Its own session: Ctrl-C is the supervisor's.
         command = [sys.executable, "-P", "-m", f"hilrig.rig.{role}_process", orders.to_json()]

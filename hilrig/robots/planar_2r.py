@@ -22,10 +22,13 @@ class Geometry(NamedTuple):
     """What the kernels need of the arm."""
 
     length_1: float
+    """L1, m"""
     length_2: float
-    dynamic_length_1: float
+    """L2, m"""
     gravity_x: float
+    """m/s^2"""
     gravity_z: float
+    """m/s^2"""
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,7 @@ class Planar2r:
 
     def geometry(self) -> Geometry:
         """Return the numbers that the kernels take."""
-        return Geometry(*self.lengths, (self.dynamic_lengths or self.lengths)[0], *self.gravity)
+        return Geometry(*self.lengths, *self.gravity)
 
     def mass_distribution(self) -> tuple[Pair, Pair]:
         """Return the centres of mass c1, c2 (m, from each joint) and the inertias I1, I2 (kg m^2) about them."""

@@ -91,6 +91,8 @@ def _filled(kind: Any, base: Path) -> Any:
         return kind.filled(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise InvalidError([Finding((field,), f"{path} cannot be read: {error.strerror}")]) from error
+    except UnicodeDecodeError as error:
+        raise InvalidError([Finding((field,), f"{path} is not UTF-8 text (byte {error.start})")]) from error
     except ValueError as error:
         raise InvalidError([Finding((field,), str(error))]) from error
 

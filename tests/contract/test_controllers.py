@@ -181,7 +181,7 @@ def test_a_parameter_per_axis_must_fit_the_task(cls: type) -> None:
     hints = typing.get_type_hints(cls)
     names = [name for name, hint in hints.items() if hint == float | tuple[float, ...]]
     for name in names:
-        with pytest.raises(ValueError, match="3 values where the task has 2"):
+        with pytest.raises(ValueError, match="3 values where there must be 1 or 2"):
             begin(cls(**{name: (1.0, 1.0, 1.0)}), 2)
 
 

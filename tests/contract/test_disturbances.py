@@ -8,14 +8,12 @@ import typing
 
 import numpy as np
 import pytest
-from builders import example
+from builders import TIME, applied, example
 
 from hilrig.interfaces import Disturbance
 from hilrig.plugins import dump, kinds, load, restore
 from hilrig.signals import Inputs
 
-TIME = np.arange(4000) * 1e-3
-AXES = ("x", "z")
 TELLING = {
     "factor": 2.0,
     "axis": "z",
@@ -38,31 +36,27 @@ def variants(cls: type) -> list[Disturbance]:
 
 
 VARIANTS = {kind: variants(load("disturbances", kind)) for kind in kinds("disturbances")}
+ALL = {f"{kind}-{i}": variant for kind, found in VARIANTS.items() for i, variant in enumerate(found)}
 
 
-@pytest.fixture(
-    params=[(kind, i) for kind, found in VARIANTS.items() for i in range(len(found))], ids=lambda p: f"{p[0]}-{p[1]}"
-)
+@pytest.fixture(params=ALL)
 def disturbance(request: pytest.FixtureRequest) -> Disturbance:
-    kind, index = request.param
-    return VARIANTS[kind][index]
+    return ALL[request.param]
 
 
-def applied(disturbance: Disturbance, seed: int = 1) -> Inputs:
-    inputs = Inputs.quiet(TIME.size, 2, len(AXES))
-    disturbance.apply(inputs, TIME, AXES, np.random.default_rng(seed))
-    return inputs
-
-
-def changed(inputs: Inputs) -> set[str]:
-    quiet = Inputs.quiet(TIME.size, 2, len(AXES))
-    return {name for name in Inputs._fields if not np.array_equal(getattr(inputs, name), getattr(quiet, name))}
+def disturbed_ticks(inputs: Inputs) -> dict[str, np.ndarray]:
+    """Return the ticks at which a field is not as in quiet inputs, for the fields that have such ticks."""
+    found = {}
+    for name, part, quiet in zip(Inputs._fields, inputs, applied(), strict=True):
+        differs = (part != quiet).reshape(TIME.size, -1).any(axis=1)
+        found |= {name: np.flatnonzero(differs)} if differs.any() else {}
+    return found
 
 
 @pytest.mark.parametrize("kind", VARIANTS)
 def test_it_changes_exactly_what_it_acts_on(kind: str) -> None:
     """Each variant something of it, all of them together the whole."""
-    touched = [changed(applied(variant)) for variant in VARIANTS[kind]]
+    touched = [set(disturbed_ticks(applied(variant))) for variant in VARIANTS[kind]]
     assert all(touched)
     assert set().union(*touched) == set(VARIANTS[kind][0].acts_on)
 
@@ -77,7 +71,7 @@ def test_the_same_seed_is_the_same_world(disturbance: Disturbance) -> None:
 
 
 def test_chance_comes_from_the_generator_alone(disturbance: Disturbance) -> None:
-    """Either no seed matters, or each does; numpy's own global generator never does."""
+    """numpy's own global generator never matters."""
     np.random.seed(1)
     first = applied(disturbance)
     np.random.seed(2)
@@ -86,11 +80,19 @@ def test_chance_comes_from_the_generator_alone(disturbance: Disturbance) -> None
 
 
 def test_it_adds_to_what_is_there(disturbance: Disturbance) -> None:
-    """Two of a kind disturb more than one: none of them overwrites the other."""
-    twice = applied(disturbance)
-    disturbance.apply(twice, TIME, AXES, np.random.default_rng(2))
-    once = applied(disturbance)
-    assert all(not np.array_equal(getattr(once, name), getattr(twice, name)) for name in changed(once))
+    """The same twice is twice the disturbance, or the square of a scale: neither overwrites the other."""
+    once, twice = applied(disturbance), applied(disturbance, disturbance)
+    for name, one, both in zip(Inputs._fields, once, twice, strict=True):
+        np.testing.assert_allclose(both, one**2 if name.endswith("_scale") else 2 * one, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", [name for name, variant in ALL.items() if hasattr(variant, "until")])
+def test_it_is_there_from_its_beginning_to_its_end_and_at_no_other_time(name: str) -> None:
+    found = disturbed_ticks(applied(dataclasses.replace(ALL[name], at=1.0, until=2.0)))
+    assert found
+    for ticks in found.values():
+        assert ticks[0] in (1000, 1001), "a sine begins at zero"
+        assert ticks[-1] == 1999
 
 
 def test_it_survives_being_written_down(disturbance: Disturbance) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import STILL, example, surface, torque_command, true_state
+from builders import PERIOD, STILL, example, surface, torque_command, true_state
 
 from hilrig.actuation import Actuation
 from hilrig.interfaces import Begin, Driver, Plant
@@ -36,7 +36,7 @@ def start() -> Iterator[Begun]:
 
     def begin(subject: Driver) -> Plant:
         q = subject.robot.inverse_kinematics(np.array([0.1, subject.surface_position + 0.005]))
-        begun.append(subject.begin(Begin(1e-3, q)))
+        begun.append(subject.begin(Begin(PERIOD, q)))
         begun[-1].measure(STILL)
         return begun[-1]
 
@@ -96,18 +96,35 @@ def test_commands_are_not_written_to(kind: str, start: Begun, actuation: Actuati
     np.testing.assert_array_equal(command.position, [0.3, 0.4])
 
 
-def test_the_truth_agrees_with_the_measurement(kind: str, start: Begun) -> None:
+@pytest.mark.parametrize(
+    ("actuation", "expected"), [(Actuation(), (1.5, -0.5)), (SERVO, (6.0, -3.0))], ids=["torque", "servo"]
+)
+def test_applied_torque_is_what_the_motors_gave(
+    kind: str, start: Begun, actuation: Actuation, expected: tuple[float, float]
+) -> None:
+    """A servo of 60 N m/rad is 0.1 and -0.05 rad from where it is told to be, at rest, in a period of one step."""
+    plant = start(driver(kind, actuation=actuation, substep=PERIOD))
+    q = plant.measure(STILL).joint_position
+    plant.advance(torque_command((1.5, -0.5), q + np.array([0.1, -0.05])), STILL)
+    np.testing.assert_allclose(plant.measure(STILL).applied_torque, expected, rtol=1e-12)
+
+
+PUSHED = STILL._replace(tip_force=np.array([2.0, 3.0]), surface_offset=-0.002)
+
+
+@pytest.mark.parametrize("nudge", [STILL, PUSHED], ids=["still", "pushed"])
+def test_the_truth_agrees_with_the_measurement(kind: str, start: Begun, nudge: Nudge) -> None:
     subject = driver(kind)
     plant = start(subject)
     for _ in range(20):
-        plant.advance(torque_command((4.0, 0.5)), STILL)
-        seen, true = plant.measure(STILL), true_state(plant)
+        plant.advance(torque_command((4.0, 0.5)), nudge)
+        seen, true = plant.measure(nudge), true_state(plant, nudge)
         np.testing.assert_array_equal(seen.joint_position, true.joint_position)
         np.testing.assert_array_equal(seen.wrench, true.wrench)
         at = subject.robot.kinematics(true.joint_position, true.joint_velocity)
         np.testing.assert_allclose(true.position, at.position, atol=1e-12)
         np.testing.assert_allclose(true.velocity, at.velocity, atol=1e-12)
-    assert true.surface_position == subject.surface_position
+    assert true.surface_position == pytest.approx(subject.surface_position + nudge.surface_offset)
     assert seen.wrench.shape == (6,)
     assert np.abs(true.joint_velocity).max() > 1e-3, "it moved"
 
@@ -119,25 +136,33 @@ def disturbed(name: str) -> Nudge:
     return STILL._replace(**{field: value})
 
 
-def after(plant: Plant, nudge: Nudge) -> np.ndarray:
-    """Return where the arm is after a push along the surface under a disturbance."""
-    hold = plant.hold().torque
+def pushed(subject: Driver, plant: Plant, nudge: Nudge) -> np.ndarray:
+    """Return how far the tip comes (x, z) in a push of 4 N along the surface under a disturbance, m."""
+    hold, start = plant.hold().torque, true_state(plant)
+    push = subject.robot.kinematics(start.joint_position, np.zeros(2)).jacobian[0] * 4.0
     for _ in range(60):
-        plant.advance(torque_command(hold + np.array([0.5, -0.8])), nudge)
-    return true_state(plant).joint_position
+        plant.advance(torque_command(hold + push), nudge)
+    return true_state(plant).position - start.position
 
 
-def test_every_declared_disturbance_has_an_effect(kind: str, start: Begun) -> None:
+def test_every_declared_disturbance_moves_the_arm_its_way(kind: str, start: Begun) -> None:
+    """Tip force and surface push the arm away, so does a stiffer surface; more friction leaves it less far along x."""
     subject = driver(kind)
-    plain = after(start(subject), STILL)
+    plain = pushed(subject, start(subject), STILL)
+    assert plain[0] > 1e-3, "there is a way along the surface to rub"
     for name in subject.abilities.inputs:
-        moved = np.abs(after(start(subject), disturbed(name)) - plain).max()
-        assert moved > 1e-6, f"{name} does nothing"
+        nudge = disturbed(name)
+        moved = pushed(subject, start(subject), nudge) - plain
+        against = nudge.tip_force if name == "plant_tip_force" else np.array([0.0, 1.0])
+        if name.endswith("friction_scale"):
+            against = np.array([1.0, 0.0])
+        assert moved @ against < -1e-5, f"{name} moves it by {moved} m"
 
 
 def test_the_same_commands_give_the_same_bits(kind: str, start: Begun) -> None:
     subject = driver(kind)
-    np.testing.assert_array_equal(after(start(subject), STILL), after(start(subject), STILL))
+    once, again = (pushed(subject, start(subject), STILL) for _ in range(2))
+    np.testing.assert_array_equal(once, again)
 
 
 def test_an_external_force_is_felt_by_the_sensor(kind: str, start: Begun) -> None:

@@ -7,28 +7,25 @@ import inspect
 
 import numpy as np
 import pytest
-from builders import example
+from builders import PERIOD, example, record
 
 from hilrig.interfaces import Metric
 from hilrig.metrics._record import PhaseRecord
 from hilrig.plugins import kinds, load
 
-TICKS, PERIOD = 2000, 1e-3
+TICKS = 2000
 
 
-def record(scale: float = 1.0) -> PhaseRecord:
-    """Return a phase of 2 s, x position-controlled and z force-controlled, with errors of this scale."""
+def flawed(scale: float = 1.0) -> PhaseRecord:
+    """Return a phase of 2 s with errors of this scale that die out: off its path, out of contact, restless and late."""
     time = np.arange(TICKS) * PERIOD
-    error = scale * np.exp(-5 * time)[:, None] * np.array([0.01, 0.0])
-    zeros, force = np.zeros((TICKS, 2)), np.array([0.0, 3.5]) * np.ones((TICKS, 1))
-    press = force - scale * 0.5 * np.exp(-5 * time)[:, None] * np.array([0.0, 1.0])
-    wave = np.sin(20 * time)[:, None] * np.array([1.0, -1.0]) * scale
-    return PhaseRecord(
-        tick=np.arange(TICKS, dtype=np.float64), time=time, phases=1, period=PERIOD, axes=("x", "z"),
-        sigma=np.array([1.0, 0.0]), inertia=np.array([3.0, 6.0]), damping=np.array([30.0, 60.0]),
-        stiffness=np.array([250.0, 0.0]), position=-error, velocity=5 * error, acceleration=-25 * error, force=press,
-        reference_position=zeros, reference_velocity=zeros, reference_acceleration=zeros, reference_force=force,
-        reference_step=np.array([0.01, 0.0]), torque=wave, late=np.zeros(TICKS),
+    fading = scale * np.exp(-5 * time)[:, None]
+    error, force = fading * np.array([0.01, 0.0]), np.array([0.0, 3.5]) * np.ones((TICKS, 1))
+    return record(
+        TICKS, position=-error, velocity=5 * error, acceleration=-25 * error,
+        force=np.maximum(force - fading * np.array([0.0, 4.0]), 0.0), reference_force=force,
+        reference_step=np.array([0.01, 0.0]), torque=scale * np.sin(20 * time)[:, None] * np.array([1.0, -1.0]),
+        late=(np.arange(TICKS) < 10 * scale) * 1.0,
     )  # fmt: skip
 
 
@@ -39,23 +36,23 @@ def metric(request: pytest.FixtureRequest) -> Metric:
 
 def test_it_has_a_unit_and_values_by_axis(metric: Metric) -> None:
     assert isinstance(metric.unit, str)
-    values = metric.measure(record())
+    values = metric.measure(flawed())
     assert values
     assert set(values) <= {"", "x", "y", "z"}
     assert all(type(value) is float and np.isfinite(value) for value in values.values())
 
 
 def test_smaller_is_better_and_nothing_is_zero(metric: Metric) -> None:
-    """A trial without error, torque or lateness scores zero; a larger error never scores less."""
-    nothing, small, large = (metric.measure(record(scale)) for scale in (0.0, 1.0, 3.0))
+    """A trial without error, torque or lateness scores zero, one with them more; a larger error never scores less."""
+    nothing, small, large = (metric.measure(flawed(scale)) for scale in (0.0, 1.0, 3.0))
     for axis in small:
         assert nothing[axis] == pytest.approx(0.0, abs=1e-12)
-        assert nothing[axis] <= small[axis] <= large[axis]
+        assert 1e-6 < small[axis] <= large[axis]
 
 
 def test_a_record_without_ticks_is_no_crash(metric: Metric) -> None:
     """A trial that tripped at once has phases without a tick: no value, or not a number, and no error."""
-    whole = record()
+    whole = flawed()
     per_tick = {
         f.name: getattr(whole, f.name)[:0]
         for f in dataclasses.fields(whole)
@@ -66,7 +63,7 @@ def test_a_record_without_ticks_is_no_crash(metric: Metric) -> None:
 
 
 def test_the_record_is_only_read(metric: Metric) -> None:
-    whole, copy = record(), record()
+    whole, copy = flawed(), flawed()
     metric.measure(whole)
     for field in dataclasses.fields(whole):
         np.testing.assert_array_equal(getattr(whole, field.name), getattr(copy, field.name))

@@ -119,6 +119,39 @@ def rig_processes(under: Path) -> dict[str, psutil.Process]:
     return found
 
 
+LAW = '''
+"""A controller with a fault."""
+import time
+from dataclasses import dataclass
+from typing import NamedTuple
+import numpy as np
+from hilrig.interfaces import Law
+
+class Memory(NamedTuple):
+    count: np.ndarray
+
+@dataclass(frozen=True)
+class Faulty:
+    """Holds the torque it finds, but for its fault."""
+
+    def start(self, task, state):
+        {start}
+        return Law(self.step, state.torque.copy(), Memory(np.zeros(1)))
+
+    def step(self, torque, memory, state, reference):
+        memory.count[0] += 1
+        if {when}:
+            {step}
+        return torque
+'''
+
+
+def faulty(folder: Path, step: str, *, when: str = "memory.count[0] > 200", start: str = "pass") -> str:
+    """Write a controller that does `step` in every call where `when` holds; return its line of the experiment."""
+    (folder / "faulty.py").write_text(LAW.format(step=step, when=when, start=start))
+    return "faulty: {kind: ./faulty.py}"
+
+
 def only_run(under: Path) -> Path:
     """Return the one run directory below `under`/runs."""
     (run,) = (under / "runs").iterdir()

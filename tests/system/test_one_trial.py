@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from hilrig.recording.bag import read_bag
+from tests.system.conftest import faulty
 
 CHANNELS = ("state", "truth", "command", "internals")
 
@@ -62,43 +63,18 @@ def test_the_delay_of_the_command_is_what_the_experiment_says(hilrig, experiment
 
 
 def test_real_time_counts_the_ticks_whose_command_was_late(hilrig, experiment, tmp_path: Path) -> None:
-    (tmp_path / "slow.py").write_text(SLOW)
-    file = experiment(clock="realtime", duration=1.0, controllers="slow: {kind: ./slow.py}")
+    slow = faulty(tmp_path, "time.sleep(0.005)", when="memory.count[0] % 10 == 1")
+    file = experiment(clock="realtime", duration=1.0, controllers=slow)
     run = run_once(hilrig, file, tmp_path / "runs")
     timing = json.loads(next((run / "trials").glob("*/timing.json")).read_text())
     bag = bag_of(run)
     assert timing["clock"] == "realtime"
     assert timing["ticks"] == 1000
-    # The controller sleeps 5 ms in every tenth tick: every such sleep makes at least three ticks late.
-    assert timing["late"] >= 3 * np.count_nonzero(bag["command"]["tick"] % 10 == 0) > 0
+    # It sleeps 5 ms in every tenth call: every such sleep, but one cut off by the end, makes at least three ticks late.
+    sleeps = np.count_nonzero(bag["internals"]["count"] % 10 == 1)
+    assert timing["late"] >= 3 * (sleeps - 1) > 0
     assert timing["late"] == np.count_nonzero(bag["driver_timing"]["late"])
     # What the controller skipped is a gap in its own channels, and none of it was lost on the way.
     outcome = json.loads(next((run / "trials").glob("*/outcome.json")).read_text())
     assert outcome["channels"]["command"]["gap_count"] > 0
     assert outcome["channels"]["command"]["lost"] == 0
-
-
-SLOW = '''
-"""A controller that is late now and then."""
-import time
-from dataclasses import dataclass
-from typing import NamedTuple
-import numpy as np
-from hilrig.interfaces import Law
-
-class Memory(NamedTuple):
-    count: np.ndarray
-
-@dataclass(frozen=True)
-class Slow:
-    """Holds the torque it finds; sleeps 5 ms in every tenth call."""
-
-    def start(self, task, state):
-        return Law(self.step, state.torque.copy(), Memory(np.zeros(1)))
-
-    def step(self, torque, memory, state, reference):
-        if memory.count[0] % 10 == 0:
-            time.sleep(0.005)
-        memory.count[0] += 1
-        return torque
-'''

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from hilrig.recording.bag import read_bag
-from tests.system.conftest import only_run, rig_processes, socket_directories
+from tests.system.conftest import faulty, only_run, rig_processes, socket_directories
 
 LONG = 600.0
 
@@ -115,48 +115,21 @@ def test_a_stopped_controller_is_noticed(start, experiment, tmp_path: Path, monk
     assert "no progress for 2 s" in outcome["reason"]
 
 
-LAW = '''
-"""A controller with a fault."""
-import time
-from dataclasses import dataclass
-from typing import NamedTuple
-import numpy as np
-from hilrig.interfaces import Law
-
-class Memory(NamedTuple):
-    count: np.ndarray
-
-@dataclass(frozen=True)
-class Faulty:
-    """{what}"""
-
-    def start(self, task, state):
-        {start}
-        return Law(self.step, state.torque.copy(), Memory(np.zeros(1)))
-
-    def step(self, torque, memory, state, reference):
-        memory.count[0] += 1
-        if memory.count[0] > 200:
-            {step}
-        return torque
-'''
-
-
-def faulty(tmp_path: Path, what: str, step: str, start: str = "pass") -> str:
-    (tmp_path / "faulty.py").write_text(LAW.format(what=what, step=step, start=start))
-    return "faulty: {kind: ./faulty.py}"
-
-
 @pytest.mark.parametrize(
     ("step", "outcome", "words"),
     [
         ("raise RuntimeError('no idea')", "failed", "controller: RuntimeError: no idea at faulty.py:"),
+        (
+            "return torque[:1]",
+            "failed",
+            "controller 'faulty': step returned an array (1,); the robot takes torques (2,)",
+        ),
         ("return torque * np.nan", "tripped", "the torque of controller 'faulty' is not finite"),
         ("return torque + [100.0, 0.0]", "tripped", "over the limit of"),
     ],
 )
 def test_a_faulty_law(hilrig, experiment, tmp_path: Path, step: str, outcome: str, words: str) -> None:
-    controllers = faulty(tmp_path, "Goes wrong after 200 ticks.", step)
+    controllers = faulty(tmp_path, step)
     done = hilrig("run", experiment(duration=5.0, controllers=controllers), "--no-report")
     assert done.returncode == 1
     result = outcome_of(only_run(tmp_path))
@@ -171,7 +144,7 @@ def test_a_process_that_never_gets_ready_is_named(hilrig, experiment, tmp_path: 
     """The plan starts the law once in the program itself, so the fault must wait for the controller's process."""
     monkeypatch.setenv("HILRIG_READY_TIMEOUT", "6")
     stuck = "time.sleep(1000 if 'controller_process' in str(__import__('sys').orig_argv) else 0)"
-    controllers = faulty(tmp_path, "Sleeps when started.", "pass", start=stuck)
+    controllers = faulty(tmp_path, "pass", start=stuck)
     done = hilrig("run", experiment(controllers=controllers), "--no-report")
     assert done.returncode == 1
     result = outcome_of(only_run(tmp_path))
@@ -180,9 +153,19 @@ def test_a_process_that_never_gets_ready_is_named(hilrig, experiment, tmp_path: 
 
 
 def test_fail_fast_begins_no_further_trial(hilrig, experiment, tmp_path: Path) -> None:
-    controllers = faulty(tmp_path, "Raises.", "raise RuntimeError('no')") + "\n  pd: {kind: pd}"
+    controllers = faulty(tmp_path, "raise RuntimeError('no')") + "\n  pd: {kind: pd}"
     done: subprocess.CompletedProcess[str] = hilrig(
         "run", experiment(controllers=controllers), "--no-report", "--in-process", "--fail-fast"
     )
     assert done.returncode == 1
     assert len(list(only_run(tmp_path).glob("trials/*"))) == 1
+    assert outcome_of(only_run(tmp_path))["reason"].startswith("RuntimeError: no at faulty.py:")
+    assert "Traceback" not in done.stderr
+
+
+def test_a_law_that_raises_in_one_process_does_not_end_the_others(hilrig, experiment, tmp_path: Path) -> None:
+    controllers = faulty(tmp_path, "raise RuntimeError('no')") + "\n  pd: {kind: pd}"
+    assert hilrig("run", experiment(controllers=controllers), "--no-report", "--in-process").returncode == 1
+    shown = hilrig("show", only_run(tmp_path)).stdout
+    assert "faulty.noisy.0  failed" in shown
+    assert "pd.noisy.0      completed" in shown

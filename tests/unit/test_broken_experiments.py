@@ -100,7 +100,7 @@ BROKEN: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "unknown clock": ("period: 1 ms", "clock: §real_time", ("'real_time'", "did you mean 'realtime'", "lockstep")),
     "text for a switch": ("stiffness: 800 N/m", "stiffness: 800, pulls: §yes", ("'yes' is not true or false",)),
     "task is a list": ("task:\n", "task: §[]\nignored:\n", ("a list of 0 is not a mapping",)),
-    "name is a path": ("name: broken", "name: §../broken", ("'../broken' is no name", "letters")),
+    "name is a path": ("name: broken", "name: §../broken", ("'../broken' is no name", "A-Z, a-z")),
     "points that do not rise": (
         POSITION, "§{kind: waypoints, times: [0, 2, 1], values: [0, 0, 0]}", ("must rise", "1 s follows 2 s"),
     ),
@@ -109,7 +109,7 @@ BROKEN: dict[str, tuple[str, str, tuple[str, ...]]] = {
     ),
     "CSV that is not there": (POSITION, "{kind: csv, file: §none.csv, column: x}", ("none.csv", "cannot be read")),
     "CSV without the column": (POSITION, "{kind: csv, file: §curve.csv, column: xx}", ("'xx'", "columns: time, x")),
-    "CSV with a gap": (POSITION, "{kind: csv, file: §curve.csv, column: gap}", ("row 3", "'gap'", "not a number")),
+    "CSV with a gap": (POSITION, "{kind: csv, file: §curve.csv, column: gap}", ("line 3", "'gap'", "not a number")),
     "CSV with NaN": (POSITION, "{kind: csv, file: §curve.csv, column: nan}", ("finite",)),
     "CSV whose time falls": (POSITION, "{kind: csv, file: §curve.csv, column: x, time: back}", ("must rise",)),
     # what does not fit together

@@ -2,12 +2,57 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
+from builders import PERIOD, arm, state, trial
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hilrig.messages.codec import Codec, definition, sizes_in
-from hilrig.rig.channels import BATCH, DRIVER, Record, Stamps, unpack_parcel
+from hilrig.loop import Answer
+from hilrig.messages.codec import Codec, Definition, definition, sizes_in
+from hilrig.rig.channels import BATCH, DRIVER, Codecs, Record, Stamps, internals_definition, unpack_parcel
+from hilrig.signals import Array, Command, Measurement, Reference, Truth
+
+MEMORY = {"gains": 3, "estimate": 2}
+
+
+class Memory(NamedTuple):
+    gains: Array
+    estimate: Array
+
+
+def fields(form: Definition, payload: bytes) -> dict[str, Any]:
+    """Return what a message says, by the names of its definition."""
+    values = Codec(form, sizes_in(form, payload)).unpack(payload)
+    return {field.name: value for field, value in zip(form.fields, values, strict=True)}
+
+
+def assert_says(form: Definition, payload: bytes, **wanted: Any) -> None:
+    """Check that a message of tick 7 holds these fields and no other."""
+    found = fields(form, payload)
+    assert found.keys() == {"tick", "time", *wanted}
+    assert (found["tick"], found["time"]) == (7, 7 * PERIOD)
+    for name, value in wanted.items():
+        np.testing.assert_array_equal(found[name], value, err_msg=name)
+
+
+def test_every_signal_stands_under_its_name() -> None:
+    random, codecs = np.random.default_rng(1), Codecs(trial(), MEMORY)
+    measurement = Measurement(*(random.normal(size=size) for size in (2, 6, 2)))
+    truth = Truth(*(random.normal(size=size) for size in (2, 2, 2, 2, 6)), 0.35)
+    assert_says(definition("State"), codecs.state(7, measurement), **measurement._asdict())
+    assert_says(definition("Truth"), codecs.truth(7, truth), **truth._asdict())
+
+    seen = state(arm(), *random.normal(size=(4, 2)))
+    command, wanted = Command(*random.normal(size=(2, 2))), Reference(*random.normal(size=(4, 2)))
+    answer = Answer(command, seen, wanted, Memory(random.normal(size=3), random.normal(size=2)))
+    assert_says(definition("Command"), codecs.command(7, answer), **command._asdict())
+    assert_says(
+        internals_definition(MEMORY), codecs.internals(7, answer),
+        position=seen.position, velocity=seen.velocity, force=seen.force, **answer.memory._asdict(),
+        **{f"reference_{name}": value for name, value in wanted._asdict().items()},
+    )  # fmt: skip
 
 
 class Post:

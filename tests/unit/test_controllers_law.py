@@ -22,7 +22,8 @@ from hilrig_drivers.two_link import TwoLink
 from hilrig.controllers.adaptive import Adaptive
 from hilrig.controllers.pd import Pd
 from hilrig.controllers.sliding_mode import SlidingMode
-from hilrig.impedance import POSITION_CLIP, VELOCITY_CLIP, model_torque
+from hilrig.controllers.tde_sliding_mode import TdeSlidingMode
+from hilrig.impedance import POSITION_CLIP, VELOCITY_CLIP, advance_filter, model_torque
 from hilrig.interfaces import Controller, Law
 from hilrig.signals import Array, Reference, State
 
@@ -73,22 +74,34 @@ def test_adaptive_lyapunov_function_does_not_rise() -> None:
     assert np.diff(values).max() < 0.01 * fall / len(values), "it falls, but for the error of the sampling"
 
 
-def test_adaptive_estimate_moves_by_gamma_y_transposed_s() -> None:
-    start = state(ARM, Q, np.array([0.01, -0.02]), torque=np.zeros(2))
+@pytest.mark.parametrize("controller", [Adaptive, Pd, SlidingMode, TdeSlidingMode])
+def test_the_filter_moves_by_the_time_that_elapsed(controller: type) -> None:
+    start = state(ARM, Q, np.array([0.01, -0.02]), np.array([0.4, 1.0]))._replace(elapsed=13 * PERIOD)
+    law, wanted = controller().start(STATES, start), reference(position=start.position + np.array([0.01, 0.0]))
+    p, v = start.position.copy(), start.velocity.copy()
+    advance_filter(STATES.impedance, 13 * PERIOD, p, v, start, wanted)
+    run(law, start, wanted)
+    np.testing.assert_array_equal(law.memory.filter_position, p)
+    np.testing.assert_array_equal(law.memory.filter_velocity, v)
+
+
+@pytest.mark.parametrize("elapsed", [PERIOD, 13 * PERIOD])
+def test_adaptive_estimate_moves_by_gamma_y_transposed_s(elapsed: float) -> None:
+    start = state(ARM, Q, np.array([0.01, -0.02]), np.array([0.4, 1.0]))._replace(elapsed=elapsed)
     law = Adaptive(slope=20.0, gain=100.0, rate=0.7).start(STATES, start)
     wanted = reference(position=start.position + np.array([0.01, 0.0]), force=np.array([0.0, 1.0]))
     torque = run(law, start, wanted)
     p, v = law.memory.filter_position, law.memory.filter_velocity
-    a_d = (v - start.velocity) / PERIOD
+    a_d = (v - start.velocity) / elapsed
     s = v - start.velocity + 20.0 * (p - start.position)
     inverse = np.linalg.inv(start.jacobian)
     joint_v = inverse @ (v + 20.0 * (p - start.position))
     joint_a = inverse @ (a_d + 20.0 * (v - start.velocity) - start.jacobian_rate @ joint_v)
     y = sum(c * part for c, part in zip([1.0, *joint_v, *joint_a], start.regressor, strict=True))
-    estimate = PERIOD * 0.7 * y.T @ inverse @ s
+    estimate = elapsed * 0.7 * y.T @ inverse @ s
     np.testing.assert_allclose(law.memory.sliding_variable, s, rtol=1e-12)
     np.testing.assert_allclose(law.memory.parameter_estimate, estimate, rtol=1e-9)
-    np.testing.assert_allclose(torque, y @ estimate + start.jacobian.T @ (100.0 * s), rtol=1e-9)
+    np.testing.assert_allclose(torque, y @ estimate + start.jacobian.T @ (start.force + 100.0 * s), rtol=1e-9)
 
 
 def test_sliding_mode_reaches_its_surface_on_the_nominal_plant() -> None:

@@ -1,13 +1,11 @@
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
+from builders import TIME, applied
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hilrig import plugins
 from hilrig.disturbances.force_pulse import ForcePulse
 from hilrig.disturbances.force_sine import ForceSine
 from hilrig.disturbances.friction_step import FrictionStep
@@ -16,74 +14,16 @@ from hilrig.disturbances.sensor_bias import SensorBias
 from hilrig.disturbances.sensor_noise import SensorNoise
 from hilrig.disturbances.stiffness_step import StiffnessStep
 from hilrig.disturbances.surface_motion import SurfaceMotion
-from hilrig.interfaces import Disturbance
-from hilrig.signals import Inputs
-
-AXES = ("x", "z")
-TIME = np.arange(4000) * 1e-3
-
-EXAMPLES: dict[str, Disturbance] = {
-    "force_pulse": ForcePulse(2.0, "z", 1.0, 0.5),
-    "force_sine": ForceSine(2.0, 3.0, "x", at=1.0),
-    "friction_step": FrictionStep(2.0, 1.0),
-    "measurement_delay": MeasurementDelay(ticks=3),
-    "sensor_bias": SensorBias(force=0.1, joint=1e-3),
-    "sensor_noise": SensorNoise(force=0.1, joint=1e-3),
-    "stiffness_step": StiffnessStep(3.0, 1.0),
-    "surface_motion": SurfaceMotion(0.01, 3.0, at=1.0),
-}
-
-
-def applied(*disturbances: Disturbance, seed: int = 0, time: Any = TIME) -> Inputs:
-    """Return quiet inputs with `disturbances` applied."""
-    inputs = Inputs.quiet(time.size, 2, len(AXES))
-    for disturbance in disturbances:
-        disturbance.apply(inputs, time, AXES, np.random.default_rng(seed))
-    return inputs
-
-
-def changed(inputs: Inputs) -> set[str]:
-    """Return the names of the fields that are not as in quiet inputs."""
-    quiet = Inputs.quiet(TIME.size, 2, len(AXES))
-    return {name for name in Inputs._fields if not np.array_equal(getattr(inputs, name), getattr(quiet, name))}
-
-
-def test_every_kind_has_an_example() -> None:
-    assert tuple(sorted(EXAMPLES)) == plugins.kinds("disturbances")
-
-
-@pytest.mark.parametrize("kind", sorted(set(EXAMPLES) - {"friction_step"}))
-def test_what_it_acts_on_is_exactly_what_changes(kind: str) -> None:
-    disturbance = EXAMPLES[kind]
-    assert changed(applied(disturbance)) == set(disturbance.acts_on)
 
 
 def test_friction_changes_where_it_is_told() -> None:
-    for of in ("surface", "joints"):
-        step = FrictionStep(2.0, 1.0, of)
-        found = changed(applied(step))
-        assert len(found) == 1
-        assert found <= set(step.acts_on)
-    assert changed(applied(FrictionStep(2.0, 1.0, "joints"))) == {"plant_joint_friction_scale"}
-
-
-@pytest.mark.parametrize("kind", sorted(EXAMPLES))
-def test_the_same_seed_is_the_same_world(kind: str) -> None:
-    first, second = applied(EXAMPLES[kind], seed=5), applied(EXAMPLES[kind], seed=5)
-    for one, other in zip(first, second, strict=True):
-        np.testing.assert_array_equal(one, other)
-
-
-@pytest.mark.parametrize("kind", sorted(EXAMPLES))
-def test_disturbances_add_up(kind: str) -> None:
-    once, twice = applied(EXAMPLES[kind]), applied(EXAMPLES[kind], EXAMPLES[kind])
-    for name, one, both in zip(Inputs._fields, once, twice, strict=True):
-        wanted = one**2 if name.endswith("_scale") else 2 * one
-        np.testing.assert_allclose(both, wanted, rtol=1e-12)
+    of_surface, of_joints = applied(FrictionStep(2.0, 1.0)), applied(FrictionStep(2.0, 1.0, "joints"))
+    assert set(of_surface.plant_surface_friction_scale) == set(of_joints.plant_joint_friction_scale) == {1.0, 2.0}
+    assert set(of_surface.plant_joint_friction_scale) == set(of_joints.plant_surface_friction_scale) == {1.0}
 
 
 def test_another_seed_is_another_noise() -> None:
-    noise = EXAMPLES["sensor_noise"]
+    noise = SensorNoise(force=0.1)
     assert not np.array_equal(applied(noise, seed=1).wrench_error, applied(noise, seed=2).wrench_error)
 
 
@@ -92,8 +32,13 @@ def test_noise_has_the_standard_deviation_asked_for_and_no_moments() -> None:
     np.testing.assert_allclose(inputs.wrench_error[:, :3].std(axis=0), 0.05, rtol=0.05)
     np.testing.assert_allclose(inputs.joint_error.std(axis=0), 2e-5, rtol=0.05)
     assert not inputs.wrench_error[:, 3:].any()
-    white = np.corrcoef(inputs.wrench_error[1:, 0], inputs.wrench_error[:-1, 0])[0, 1]
-    assert abs(white) < 4 / np.sqrt(TIME.size)
+
+
+def test_noise_is_independent_from_tick_to_tick_and_from_channel_to_channel() -> None:
+    inputs = applied(SensorNoise(force=0.05, joint=2e-5))
+    channels = np.column_stack([inputs.wrench_error[:, :3], inputs.joint_error])
+    alike = np.corrcoef(np.column_stack([channels[1:], channels[:-1]]), rowvar=False) - np.eye(10)
+    assert np.abs(alike).max() < 4 / np.sqrt(TIME.size)
 
 
 @given(st.floats(0.1, 10.0))
@@ -153,8 +98,9 @@ def test_a_bias_is_one_component_of_the_force_and_every_joint_or_each() -> None:
 
 def test_a_delay_is_told_in_ticks_or_as_a_time() -> None:
     assert set(applied(MeasurementDelay(delay=3e-3, at=1.0)).measurement_delay) == {0.0, 3.0}
-    with pytest.raises(ValueError, match="no whole number of periods"):
-        applied(MeasurementDelay(delay=1.5e-3))
+    for delay in (1.5e-3, 0.0):
+        with pytest.raises(ValueError, match="no whole number of periods"):
+            applied(MeasurementDelay(delay=delay))
     with pytest.raises(ValueError, match="either 'ticks' or 'delay'"):
         MeasurementDelay()
 

@@ -132,20 +132,21 @@ def test_override(path: Path, override: str, holds: Any) -> None:
 
 
 REFUSED = [
-    ("repeatz=3", "--set repeatz=3:1:1: unknown key 'repeatz'; did you mean 'repeats'?"),
+    ("repeatz=3", "--set repeatz=3: there is no 'repeatz' in an experiment; did you mean 'repeats'?"),
     (
         "controllers.pdd.stiffness=1",
         "there is no 'pdd' in 'controllers'; did you mean 'pd'? (there: pd, proposed)",
     ),
+    ("controller.pd.damping=80", "there is no 'controller' in an experiment; did you mean 'controllers'?"),
     ("controllers.new={kind: pd}", "there is no 'new' in 'controllers'"),
     ("phases.secnd.duration=1 s", "there is no item 'secnd'; did you mean 'second'? (there: first, second)"),
     ("phases.2.duration=1 s", "there is no item '2'"),
     ("safety.force=1", "unknown key 'force'; did you mean 'tip_force'?"),
-    ("safte.tip_force=1 N", "--set safte.tip_force=1 N:1:1: unknown key 'safte'; did you mean 'safety'?"),
+    ("safte.tip_force=1 N", "--set safte.tip_force=1 N: there is no 'safte' in an experiment; did you mean 'safety'?"),
     ("driver.surface.stiffnes=3", "unknown key 'stiffnes'; did you mean 'stiffness'?"),
     ("name.x=1", "'name' is a single value; it has no 'x'"),
-    ("period=3 kg", "--set period=3 kg:1:1: '3 kg' is a mass"),
-    ("controllers.pd={kind: pd, stifness: 3}", ":1:12: unknown key 'stifness'"),
+    ("period=3 kg", "--set period=3 kg: '3 kg' is a mass"),
+    ("controllers.pd={kind: pd, stifness: 3}", "stifness: 3}: unknown key 'stifness'"),
     ("repeats", "write path=value"),
     ("=1", "write path=value"),
     ("repeats=[", "is not YAML"),

@@ -34,11 +34,12 @@ def factor(x):
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """A package named hilrig with the real kernel.py and little else."""
+    """A package named hilrig with the real kernel.py, what it needs, and little else."""
     root = tmp_path / "source"
     (root / "hilrig").mkdir(parents=True)
     (root / "hilrig" / "__init__.py").write_text("")
-    shutil.copy(Path(hilrig.__file__).parent / "kernel.py", root / "hilrig")
+    for name in ("kernel.py", "errors.py"):
+        shutil.copy(Path(hilrig.__file__).parent / name, root / "hilrig")
     (root / "hilrig" / "inner.py").write_text(INNER.format(factor=3.0))
     (root / "user").mkdir()
     (root / "user" / "mine.py").write_text(USER)
@@ -60,3 +61,10 @@ def test_kernels_are_kept_and_never_stale(package: Path, tmp_path: Path) -> None
     assert run(package, cache) == (6.0, 1), "the second process loads what the first compiled"
     (package / "hilrig" / "inner.py").write_text(INNER.format(factor=5.0))
     assert run(package, cache) == (10.0, 0), "a kernel in another file changed"
+
+
+def test_a_cache_that_cannot_be_written_is_refused_by_name(package: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(subprocess.CalledProcessError) as caught:
+        run(package, tmp_path / "file" / "cache")
+    assert "Not a directory; set HILRIG_CACHE_DIR to a folder that can be written" in caught.value.stderr

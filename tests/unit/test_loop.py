@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -10,13 +11,25 @@ from hilrig_drivers.two_link import TwoLink
 
 from hilrig.actuation import Actuation
 from hilrig.controllers.tde_sliding_mode import TdeSlidingMode
+from hilrig.disturbances.force_pulse import ForcePulse
 from hilrig.disturbances.measurement_delay import MeasurementDelay
 from hilrig.disturbances.sensor_bias import SensorBias
-from hilrig.errors import Tripped
+from hilrig.errors import PluginError, Stopped, Tripped
 from hilrig.interfaces import Law, Task
-from hilrig.loop import Answer, ControlSide, PlantSide, drive, filter_velocity, limited, warm_up_control, warm_up_plant
+from hilrig.loop import (
+    Answer,
+    ControlSide,
+    PlantSide,
+    drive,
+    filter_velocity,
+    limited,
+    memory_sizes,
+    warm_up_control,
+    warm_up_plant,
+)
+from hilrig.references.sine import Sine
 from hilrig.signals import Array, Command, Measurement, Reference, State, Truth
-from hilrig.trial import Limits, Trial
+from hilrig.trial import Limits, PhaseSpec, Trial, references
 
 
 class Direct:
@@ -52,7 +65,7 @@ def ride(subject: Trial) -> Direct:
 class Wants:
     """A controller that wants the same torque always."""
 
-    torque: tuple[float, float]
+    torque: tuple[float, ...]
 
     def start(self, task: Task, state: State) -> Law:
         def step(parameters: object, memory: object, state: State, reference: Reference) -> Array:
@@ -88,8 +101,7 @@ def test_the_same_trial_twice_gives_the_same_bits() -> None:
 
 
 def test_measurement_delay_gives_old_measurements() -> None:
-    driver, delayed = TwoLink(arm(), surface()), trial(disturbances=(MeasurementDelay(ticks=3),))
-    side = PlantSide(delayed)
+    side = PlantSide(trial(disturbances=(MeasurementDelay(ticks=3),)))
     exact, seen = [], []
     for tick in range(10):
         measured, truth = side.measure(tick)
@@ -97,10 +109,36 @@ def test_measurement_delay_gives_old_measurements() -> None:
         exact.append(truth.joint_position)
         seen.append(measured.joint_position)
         side.advance(tick, Command(np.array([5.0, 1.0]), np.zeros(2)))
-    assert driver.robot.joints == 2
     for tick in range(10):
         np.testing.assert_array_equal(seen[tick], exact[max(tick - 3, 0)])
     assert not np.array_equal(exact[9], exact[6])
+
+
+def test_disturbances_come_at_their_tick() -> None:
+    """Beside an undisturbed twin; force and position are two ticks old when they are seen, the sensors' errors new."""
+    late, pulse = MeasurementDelay(ticks=2), ForcePulse(4.0, "z", at=5e-3, duration=3e-3)
+    side = PlantSide(trial(disturbances=(late, pulse, SensorBias(force=0.5, joint=1e-3, at=4e-3))))
+    twin = PlantSide(trial(disturbances=(late,)))
+    for tick in range(8):
+        (seen, true), (plain, quiet) = side.measure(tick), twin.measure(tick)
+        assert true is not None
+        assert quiet is not None
+        assert np.array_equal(true.joint_position, quiet.joint_position) == (tick <= 5), tick
+        if tick <= 5:
+            assert true.wrench[2] - quiet.wrench[2] == pytest.approx(4.0 * (tick == 5)), tick
+        assert seen.wrench[2] - plain.wrench[2] == pytest.approx(4.0 * (tick == 7) + 0.5 * (tick >= 4)), tick
+        np.testing.assert_allclose(seen.joint_position - plain.joint_position, 1e-3 * (tick >= 4), atol=1e-15)
+        side.advance(tick, None)
+        twin.advance(tick, None)
+
+
+def test_the_law_is_given_the_reference_of_its_tick() -> None:
+    swing = PhaseSpec("swing", 0.0, 0.2, {"x": Sine(0.1, 3.0)}, {"z": Sine(1.0, 2.0, 3.5)})
+    subject = trial(phases=(swing,))
+    control, measurement = ControlSide(subject), PlantSide(subject).measure(0)[0]
+    for tick in (0, 1, 150):
+        for given, wanted in zip(control.control(tick, measurement).reference, references(subject), strict=True):
+            np.testing.assert_array_equal(given, wanted[tick])
 
 
 def test_sensor_errors_reach_the_controller_but_not_safety_or_truth() -> None:
@@ -133,6 +171,14 @@ def test_a_torque_that_is_not_finite_trips(bad: float) -> None:
     measurement, _ = PlantSide(subject).measure(0)
     with pytest.raises(Tripped, match=r"tick 7: the torque of controller 'mine' is not finite"):
         ControlSide(subject).control(7, measurement)
+
+
+@pytest.mark.parametrize("torque", [(1.0,), (1.0, 2.0, 3.0)])
+def test_a_torque_for_another_number_of_joints_is_refused(torque: tuple[float, ...]) -> None:
+    subject = trial(controller=Wants(torque))
+    measurement, _ = PlantSide(subject).measure(0)
+    with pytest.raises(PluginError, match="controller 'mine': step returned an array"):
+        ControlSide(subject).control(0, measurement)
 
 
 def test_the_state_is_the_robots_kinematics_and_the_force_along_its_axes() -> None:
@@ -188,6 +234,42 @@ def test_warm_up_tells_the_laws_memory_and_leaves_the_trial_alone() -> None:
     assert sizes["gains"] == 3
     assert sizes["estimate"] == 2
     np.testing.assert_array_equal(ride(subject).measured[-1].joint_position, before)
+
+
+class Memory(NamedTuple):
+    past: Any
+
+
+class Taken(NamedTuple):
+    reference_force: Any
+
+
+@pytest.mark.parametrize(
+    "memory",
+    [Memory(np.zeros(2, np.float32)), Memory(np.zeros(0)), Memory(0.0), (np.zeros(2),), Taken(np.zeros(2))],
+    ids=["float32", "empty", "number", "no names", "a name of the record's own"],
+)
+def test_a_memory_that_cannot_be_recorded_is_refused(memory: object) -> None:
+    with pytest.raises(PluginError, match=r"controller 'mine': .*memory"):
+        memory_sizes(memory, "mine")
+
+
+def test_a_law_need_not_remember() -> None:
+    assert memory_sizes((), "mine") == {}
+
+
+@pytest.mark.parametrize(("end", "outcome"), [(Tripped("too fast"), "tripped"), (Stopped("too fast"), "aborted")])
+def test_a_trial_that_ends_early_tells_why_and_releases_the_plant(end: Exception, outcome: str) -> None:
+    class Ends(Direct):
+        def wait(self, tick: int) -> None:
+            if tick == 3:
+                raise end
+
+    closed: list[bool] = []
+    side = PlantSide(trial())
+    side.close = lambda: closed.append(True)
+    assert drive(side, Ends(side.trial)) == (outcome, "too fast", 3)
+    assert closed == [True]
 
 
 def test_a_missed_tick_is_not_taken_for_speed() -> None:

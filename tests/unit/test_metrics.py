@@ -2,36 +2,23 @@
 
 from __future__ import annotations
 
-import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
+from builders import PERIOD, record
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hilrig.metrics._record import PhaseRecord
 from hilrig.plugins import load
 
-PERIOD = 1e-3
 TICKS = 10_000
 SIZES = st.floats(0.01, 100.0)
 
 
-def record(**changes: np.ndarray | int) -> PhaseRecord:
-    """Return 10 s of rest: x position-controlled, z force-controlled, every signal zero, with `changes`."""
-    zeros = np.zeros((TICKS, 2))
-    base = PhaseRecord(
-        tick=np.arange(TICKS, dtype=np.float64), time=np.arange(TICKS) * PERIOD, phases=1, period=PERIOD,
-        axes=("x", "z"), sigma=np.array([1.0, 0.0]), inertia=np.array([3.0, 6.0]), damping=np.array([30.0, 60.0]),
-        stiffness=np.array([250.0, 0.0]), position=zeros, velocity=zeros, acceleration=zeros, force=zeros,
-        reference_position=zeros, reference_velocity=zeros, reference_acceleration=zeros, reference_force=zeros,
-        reference_step=np.zeros(2), torque=zeros, late=np.zeros(TICKS),
-    )  # fmt: skip
-    return dataclasses.replace(base, **changes)
-
-
-def measured(kind: str, **changes: np.ndarray | int) -> dict[str, float]:
-    return load("metrics", kind)().measure(record(**changes))
+def measured(kind: str, **changes: Any) -> dict[str, float]:
+    """Return what a metric says of 10 s of rest with `changes`."""
+    return load("metrics", kind)().measure(record(TICKS, **changes))
 
 
 def column(x: np.ndarray | float, z: np.ndarray | float) -> np.ndarray:
@@ -42,13 +29,21 @@ def sine(amplitude: float, turns: int) -> np.ndarray:
     return amplitude * np.sin(2 * np.pi * turns * np.arange(TICKS) / TICKS)
 
 
+def motion(amplitude: float, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a sine and its first two derivatives, (TICKS,) each."""
+    angle = rate * np.arange(TICKS) * PERIOD
+    return amplitude * np.sin(angle), amplitude * rate * np.cos(angle), -amplitude * rate**2 * np.sin(angle)
+
+
 @given(SIZES, st.integers(1, 50))
 def test_rmse_and_peak_of_a_sine(amplitude: float, turns: int) -> None:
-    wave = sine(amplitude, turns)
-    assert measured("position_rmse", position=column(wave, 99.0)) == pytest.approx({"x": amplitude / np.sqrt(2)})
-    assert measured("force_rmse", force=column(99.0, wave)) == pytest.approx({"z": amplitude / np.sqrt(2)})
-    assert measured("position_peak", position=column(wave, 99.0)) == pytest.approx({"x": amplitude}, rel=1e-3)
-    assert measured("force_peak", force=column(99.0, wave)) == pytest.approx({"z": amplitude}, rel=1e-3)
+    wave, wanted = sine(amplitude, turns), sine(2.0, 3)
+    moves = {"position": column(wanted + wave, 99.0), "reference_position": column(wanted, 7.0)}
+    presses = {"force": column(99.0, wanted + wave), "reference_force": column(7.0, wanted)}
+    assert measured("position_rmse", **moves) == pytest.approx({"x": amplitude / np.sqrt(2)})
+    assert measured("force_rmse", **presses) == pytest.approx({"z": amplitude / np.sqrt(2)})
+    assert measured("position_peak", **moves) == pytest.approx({"x": amplitude}, rel=1e-3)
+    assert measured("force_peak", **presses) == pytest.approx({"z": amplitude}, rel=1e-3)
 
 
 @given(SIZES, st.integers(1, 50))
@@ -73,11 +68,12 @@ def test_effort_of_constant_torque(size: float) -> None:
 
 @given(st.floats(0.02, 0.5), st.floats(0.05, 1.0))
 def test_settling_time_of_an_exponential(size: float, constant: float) -> None:
-    """|e| = A exp(-t / T) meets the band b at T ln(A / b)."""
-    error = size * np.exp(-np.arange(TICKS) * PERIOD / constant)
-    band = max(0.005, 0.02 * size)
-    found = measured("settling_time", position=column(-error, 0.0), reference_step=np.array([size, 0.0]))
-    assert found["x"] == pytest.approx(constant * np.log(size / band), abs=PERIOD)
+    """|e| = A exp(-t / T) meets the band b at T ln(A / b) after the phase's beginning, here at 3 s."""
+    time = np.arange(TICKS) * PERIOD
+    error, band = size * np.exp(-time / constant), max(0.005, 0.02 * size)
+    changes = {"time": time + 3.0, "position": column(-error, 0.0), "reference_step": np.array([size, 0.0])}
+    found = measured("settling_time", **changes)
+    assert found["x"] == pytest.approx(constant * np.log(size / band), abs=1.01 * PERIOD)
 
 
 def test_settling_time_at_the_edges() -> None:
@@ -89,7 +85,8 @@ def test_settling_time_at_the_edges() -> None:
 
 @given(st.integers(0, TICKS))
 def test_contact_loss_is_the_share_of_ticks(without: int) -> None:
-    force = np.where(np.arange(TICKS) < without, 0.0, 3.5)
+    """Less than 0.05 N is no contact."""
+    force = np.where(np.arange(TICKS) < without, 0.04, 3.5)
     wanted = column(0.0, 3.5)
     assert measured("contact_loss", force=column(0.0, force), reference_force=wanted)["z"] == pytest.approx(
         without / TICKS
@@ -97,7 +94,7 @@ def test_contact_loss_is_the_share_of_ticks(without: int) -> None:
 
 
 def test_contact_loss_needs_contact_to_be_asked_for_and_does_not_trust_nan() -> None:
-    assert measured("contact_loss") == {}
+    assert measured("contact_loss", reference_force=column(0.0, 0.04)) == {}
     assert measured("contact_loss", force=column(0.0, np.nan), reference_force=column(0.0, 1.0)) == {"z": 1.0}
 
 
@@ -108,17 +105,17 @@ def test_late_fraction(late: int) -> None:
 
 @given(st.floats(0.1, 2.0), st.floats(0.5, 5.0))
 def test_auxiliary_error_is_zero_on_a_solution_of_the_desired_dynamics(amplitude: float, rate: float) -> None:
-    """Choose a motion, and let force and desired force be what eq. (3) demands of it."""
-    time = np.arange(TICKS) * PERIOD
-    x, v, a = (
-        amplitude * np.sin(rate * time),
-        amplitude * rate * np.cos(rate * time),
-        -amplitude * rate**2 * np.sin(rate * time),
-    )
-    force_x = -(3.0 * a + 30.0 * v + 250.0 * x)
+    """Choose two motions, and let force and desired force be what eq. (3) demands of them.
+
+    References of an axis that is not so controlled count for nothing.
+    """
+    (x, v, a), (x_d, v_d, a_d) = motion(amplitude, rate), motion(0.7, 1.9)
+    force_x = -(3.0 * (a - a_d) + 30.0 * (v - v_d) + 250.0 * (x - x_d))
     signals = {
         "position": column(x, x), "velocity": column(v, v), "acceleration": column(a, a),
-        "force": column(force_x, 1.0), "reference_force": column(0.0, 6.0 * a + 60.0 * v + 1.0),
+        "reference_position": column(x_d, 9.0), "reference_velocity": column(v_d, 9.0),
+        "reference_acceleration": column(a_d, 9.0),
+        "force": column(force_x, 1.0), "reference_force": column(9.0, 6.0 * a + 60.0 * v + 1.0),
     }  # fmt: skip
     assert measured("auxiliary_error_rmse", **signals) == pytest.approx({"x": 0.0, "z": 0.0}, abs=1e-9)
 

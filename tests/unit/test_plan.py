@@ -9,7 +9,7 @@ import pytest
 from hilrig.errors import ExperimentError
 from hilrig.experiment import load
 from hilrig.plan import plan
-from hilrig.trial import Trial, impedance, inputs, make_task, references, start_joint_position, times
+from hilrig.trial import Limits, Trial, inputs, make_impedance, make_task, references, start_joint_position, times
 
 TEXT = """\
 hilrig: 1
@@ -26,6 +26,7 @@ task:
   force_axes: [z]
   impedance: {inertia: [3, 6], damping: 30, stiffness: [250, 0]}
   velocity_cutoff: 60 Hz
+safety: {tip_force: 90 N, joint_velocity: 3 rad/s}
 phases:
   - name: swing
     duration: 0.7 s
@@ -131,14 +132,20 @@ def test_the_tip_starts_where_it_is_told_to(tmp_path: Path) -> None:
 
 def test_the_task_has_one_entry_an_axis(tmp_path: Path) -> None:
     trial = planned(tmp_path)[0]
-    desired = impedance(trial)
+    desired = make_impedance(trial.task, trial.axes)
     assert desired.sigma.tolist() == [1.0, 0.0]
     assert desired.damping.tolist() == [30.0, 30.0]
     assert desired.inertia.tolist() == [3.0, 6.0]
     assert not desired.reference_states
+    assert trial.limits == Limits(tip_force=90.0, joint_velocity=3.0)
     task = make_task(trial)
     assert (task.period, task.axes, trial.task.velocity_cutoff) == (1e-3, ("x", "z"), 60.0)
     np.testing.assert_array_equal(task.torque_limit, trial.driver.robot.torque_limits())
+
+
+def test_the_filter_runs_on_its_own_states_where_it_is_told_to(tmp_path: Path) -> None:
+    trial = planned(tmp_path, TEXT, "task.impedance.states=reference")[0]
+    assert make_impedance(trial.task, trial.axes).reference_states
 
 
 def test_out_of_reach_names_the_first_tick_where_it_is(tmp_path: Path) -> None:
@@ -147,10 +154,11 @@ def test_out_of_reach_names_the_first_tick_where_it_is(tmp_path: Path) -> None:
     assert f"phase 'swing', t = {first * 1e-3:.4g} s" in str(error)
 
 
-def test_a_short_excursion_between_two_looks_is_found(tmp_path: Path) -> None:
-    times_, values = "[0, 102 ms, 104 ms, 106 ms, 200 ms]", "[0, 0.1, 0.45, 0.1, 0]"
+@pytest.mark.parametrize("far", [0.45, -0.45])
+def test_a_short_excursion_between_two_looks_is_found(tmp_path: Path, far: float) -> None:
+    times_, values = "[0, 102 ms, 104 ms, 106 ms, 200 ms]", f"[0, 0.1, {far}, 0.1, 0]"
     spike = f"{{kind: waypoints, times: {times_}, values: {values}, interpolation: linear}}"
-    assert "phase 'swing', t = 0.104 s: x = 0.45 m" in str(refused(tmp_path, f"phases.swing.position={spike}"))
+    assert f"phase 'swing', t = 0.104 s: x = {far} m" in str(refused(tmp_path, f"phases.swing.position={spike}"))
 
 
 def test_a_surface_that_moves_out_of_reach_is_refused(tmp_path: Path) -> None:

@@ -31,6 +31,15 @@ class Helper:
 '''
 
 
+def offer(folder: Path, monkeypatch: pytest.MonkeyPatch, group: str, entry: str) -> None:
+    """Install a package that offers one kind, and forget which kinds were found before, for the rest of a test."""
+    (folder / "other-1.0.dist-info").mkdir()
+    (folder / "other-1.0.dist-info" / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 1.0\n")
+    (folder / "other-1.0.dist-info" / "entry_points.txt").write_text(f"[hilrig.{group}]\n{entry}\n")
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.setattr(plugins, "_entry_points", plugins._entry_points.__wrapped__)
+
+
 def test_built_in_kinds_are_the_files() -> None:
     assert plugins.kinds("references") == ("csv", "hold", "min_jerk", "sine", "waypoints")
     assert plugins.load("controllers", "pd") is Pd
@@ -45,6 +54,27 @@ def test_entry_points_are_found() -> None:
 def test_every_kind_loads_and_knows_its_name(group: str) -> None:
     for kind in plugins.kinds(group):
         assert plugins.name_of(plugins.load(group, kind)) == (group, kind)
+
+
+@pytest.mark.parametrize(
+    ("group", "entry", "words"),
+    [
+        ("drivers", "two_link = other.two_link", "two packages offer the kind 'two_link' of drivers"),
+        ("controllers", "pd = other.pd", "'pd' of controllers, which hilrig has itself"),
+    ],
+)
+def test_two_packages_cannot_offer_the_same_kind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, group: str, entry: str, words: str
+) -> None:
+    offer(tmp_path, monkeypatch, group, entry)
+    with pytest.raises(PluginError, match=words):
+        plugins.kinds(group)
+
+
+def test_a_package_that_is_installed_twice_is_no_clash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = plugins.kinds("drivers")
+    offer(tmp_path, monkeypatch, "drivers", "two_link = hilrig_drivers.two_link")
+    assert plugins.kinds("drivers") == before
 
 
 def test_an_unknown_kind_names_the_choices_and_the_nearest() -> None:

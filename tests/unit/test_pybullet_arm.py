@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
@@ -60,20 +61,48 @@ def driven(driver: Driver, ticks: int = 300) -> Array:
     return q
 
 
-@pytest.mark.parametrize("friction", [(0.0, 0.0), (0.05, 0.02)])
-def test_it_moves_as_the_two_link_arm_does(friction: tuple[float, float]) -> None:
+VISCOUS, COULOMB = {"viscous": (0.05, 0.02)}, {"coulomb": (0.03, 0.01)}
+
+
+@pytest.mark.parametrize(
+    ("friction", "rough"),
+    [({}, 0.0), (VISCOUS, 0.0), (COULOMB, 0.0), (COULOMB, 0.2)],
+    ids=["none", "viscous", "coulomb", "coulomb and rough"],
+)
+def test_it_moves_as_the_two_link_arm_does(friction: dict[str, Any], rough: float) -> None:
     """In contact, with and without friction; the difference is the engine's step, of first order."""
-    common = {"viscous": friction, "coulomb": (0.0, 0.0)}
-    exact = driven(TwoLink(arm(), surface(friction=0.0), substep=5e-5, **common))
+    touched = surface(friction=rough)
+    exact = driven(TwoLink(arm(), touched, substep=5e-5, **friction))
     moved = np.abs(exact - touching(arm(), 0.002)).max()
     errors = [
-        np.abs(driven(PybulletArm(arm(), surface(friction=0.0), substep=h, **common)) - exact).max()
+        np.abs(driven(PybulletArm(arm(), touched, substep=h, **friction)) - exact).max()
         for h in (1e-3, 5e-4, 2.5e-4, 1.25e-4)
     ]
     assert moved > 0.005
     assert errors[0] < 0.05 * moved
     for coarse, fine in itertools.pairwise(errors):
         assert 1.6 < coarse / fine < 2.4
+
+
+def pushed(driver: Driver, force: tuple[float, float]) -> Array:
+    """Return how far the tip of an arm that holds its weight comes in 60 ms under an external force."""
+    plant = begin(driver, (0.4, 1.3))
+    hold, start = plant.hold(), true_state(plant).position
+    for _ in range(60):
+        plant.advance(hold, STILL._replace(tip_force=np.array(force)))
+    moved = true_state(plant).position - start
+    plant.close()
+    return moved
+
+
+@pytest.mark.parametrize("contact", ["explicit", "engine"])
+@pytest.mark.parametrize("force", [(0.0, 3.0), (2.0, -1.0)])
+def test_an_external_force_moves_it_as_the_two_link_arm(contact: str, force: tuple[float, float]) -> None:
+    """F_e is what the robot exerts: the tip gives way against it."""
+    exact = pushed(TwoLink(arm(), FAR_AWAY), force)
+    assert exact @ force < -1e-3
+    found = pushed(PybulletArm(arm(), FAR_AWAY, contact=contact), force)  # pyright: ignore[reportArgumentType]
+    np.testing.assert_allclose(found, exact, atol=0.02 * np.abs(exact).max())
 
 
 @pytest.mark.parametrize("contact", ["explicit", "engine"])

@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from report_builders import metric_table
 
-from hilrig.report.comparison import interval, verdict
+from hilrig.report.comparison import interval, summarise, verdict, verdicts
 from hilrig.report.curves import Curve, limits, thin
 from hilrig.report.style import Style
 
@@ -46,6 +47,11 @@ def test_equal_values_are_a_tie() -> None:
     assert judged(a=[0.0, 0.0, 0.0], b=[0.0, 0.0, 0.0]) == (None, None, "tie")
 
 
+@pytest.mark.parametrize(("share", "best"), [(1e-12, None), (1e-3, "a")])
+def test_only_rounding_is_no_difference(share: float, best: str | None) -> None:
+    assert judged(a=[1.0, 1.1, 1.2], b=[value * (1 + share) for value in (1.0, 1.1, 1.2)])[0] == best
+
+
 def test_only_common_repeats_are_paired() -> None:
     nan = np.nan
     assert judged(a=[1.0, 1.0, 1.1], b=[nan, nan, 5.0]) == (None, "a", "1 repeat")
@@ -62,6 +68,34 @@ def test_never_settled_loses_to_settled() -> None:
 def test_the_order_of_controllers_does_not_matter(order: list[str]) -> None:
     values = {"a": [1.0, 1.1, 1.2], "b": [2.0, 2.2, 2.1], "c": [3.0, 3.1, 3.3]}
     assert verdict(pd.DataFrame({name: values[name] for name in order})).best == "a"
+
+
+def test_a_summary_counts_the_repeats_that_have_a_value() -> None:
+    """Of 1, 2, 3 the deviation is 1; the standard error would be 0.577."""
+    found = summarise(metric_table({"a": [1.0, 2.0, 3.0], "b": [4.0, np.nan, 4.0], "c": [5.0]}))
+    assert list(found["controller"]) == ["a", "b", "c"]
+    assert list(found["mean"]) == [2.0, 4.0, 5.0]
+    assert list(found["sd"]) == pytest.approx([1.0, 0.0, np.nan], nan_ok=True)
+    assert list(found["repeats"]) == [3, 2, 1]
+
+
+def test_each_cell_is_judged_alone_and_in_the_tables_order() -> None:
+    lower, higher = [1.0, 5.0, 9.0], [1.5, 5.6, 9.4]
+    cells = [("press", "z", lower, higher), ("all", "z", higher, lower), ("all", "x", lower, [0.5, 5.1, 9.1])]
+    tables = [metric_table({"a": a, "b": b}, axis=axis, phase=phase) for phase, axis, a, b in cells]
+    found = verdicts(pd.concat(tables))
+    assert {key: value.best for key, value in found.items()} == {
+        ("quiet", "press", "position_rmse", "z"): "a",
+        ("quiet", "all", "position_rmse", "z"): "b",
+        ("quiet", "all", "position_rmse", "x"): None,
+    }
+    assert [key[1] + key[3] for key in found] == ["pressz", "allz", "allx"]
+
+
+def test_repeats_are_paired_by_their_number_not_by_their_place() -> None:
+    a, b = metric_table({"a": [1.0, 5.0, 9.0]}), metric_table({"b": [1.5, 5.6, 9.4]})
+    (found,) = verdicts(pd.concat([a, b[::-1]])).values()
+    assert found.best == "a"
 
 
 def test_interval_of_a_known_sample() -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -23,10 +25,11 @@ def test_within_the_limits_nothing_happens() -> None:
     watch.check(1, measured((3.00199, -3.0)))
 
 
-def test_too_much_force_names_limit_value_and_time() -> None:
+@pytest.mark.parametrize("force", [*itertools.permutations((30.0, 0.0, -40.01))])
+def test_too_much_force_names_limit_value_and_time(force: tuple[float, float, float]) -> None:
     """The norm counts: 30 and 40 N make 50 N."""
     with pytest.raises(Tripped, match=r"tip force 50\.01 N at t = 1\.5 s \(tick 1500\) is over the limit of 50 N"):
-        monitor().check(1500, measured(force=(30.0, 0.0, 40.01)))
+        monitor().check(1500, measured(force=force))
 
 
 @pytest.mark.parametrize("step", [0.0021, -0.0021])
@@ -35,6 +38,15 @@ def test_too_fast_a_joint_trips(step: float) -> None:
     watch.check(0, measured())
     with pytest.raises(Tripped, match=r"joint velocity 2\.1 rad/s .* \(tick 1\) is over the limit of 2 rad/s"):
         watch.check(1, measured((0.0, step)))
+
+
+def test_velocity_is_by_the_trials_period() -> None:
+    """0.0039 rad in 2 ms are 1.95 rad/s."""
+    watch = Monitor(Limits(joint_velocity=2.0), 2e-3)
+    watch.check(0, measured())
+    watch.check(1, measured((0.0039, 0.0)))
+    with pytest.raises(Tripped, match=r"joint velocity 2\.05 rad/s at t = 0\.004 s \(tick 2\)"):
+        watch.check(2, measured((0.008, 0.0)))
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

@@ -39,27 +39,27 @@ def test_gains_follow_their_closed_form_down_to_the_floor(norm: float) -> None:
 
 
 def tde_again(s: dict, now: State, wanted: Reference, desired: Impedance) -> Array:
-    """One step of the proposed law in plain NumPy, written from the equations; `s` holds what it remembers."""
-    kp, kd, mhat = 150.0, 30.0, 0.03
+    """One step of the proposed law in plain NumPy, written from the equations; `s` holds its memory and two gains."""
+    kp, kd, mhat, elapsed = 150.0, 30.0, 0.03, now.elapsed
     sigma = np.diag(desired.sigma)
     drive = -desired.damping * (now.velocity - sigma @ wanted.velocity) - desired.stiffness * (
         sigma @ (now.position - wanted.position)
     )
     drive += (np.eye(2) - sigma) @ wanted.force - now.force
     a_d = drive / desired.inertia + sigma @ wanted.acceleration
-    s["v"] = np.clip(s["v"] + PERIOD * a_d, now.velocity - 0.1, now.velocity + 0.1)
-    s["p"] = np.clip(s["p"] + PERIOD * s["v"], now.position - 0.02, now.position + 0.02)
+    s["v"] = np.clip(s["v"] + elapsed * a_d, now.velocity - 0.1, now.velocity + 0.1)
+    s["p"] = np.clip(s["p"] + elapsed * s["v"], now.position - 0.02, now.position + 0.02)
     e, e_rate = s["p"] - now.position, s["v"] - now.velocity
     xi = e / (2 * kp) + (1 + 1 / kp) / (2 * kd) * e_rate
     n, growing = np.linalg.norm(xi), xi @ (xi - s["xi"]) > 0
     a1, a2, a3 = s["alpha"]
     rises = a1 <= 0.005 or (growing and a2 > 0.5 and a3 > 0.5)
-    new_1 = a1 + PERIOD * n if rises else max(a1 - PERIOD * n, 0.0)
-    new_3 = max(a3 - PERIOD * n / a3, 0.5) if a3 > 0.5 else a3
-    new_2 = max(a2 - PERIOD / a2, 0.5) if a2 > 0.5 else a2
+    new_1 = a1 + elapsed * s["growth"] * n if rises else max(a1 - elapsed * s["decay"] * n, 0.0)
+    new_3 = max(a3 - elapsed * n / a3, 0.5) if a3 > 0.5 else a3
+    new_2 = max(a2 - elapsed / a2, 0.5) if a2 > 0.5 else a2
     s["alpha"], s["xi"] = np.array([new_1, new_2, new_3]), xi
     u = a_d + kd * e_rate + kp * e + 1.1 * s["alpha"].sum() * np.tanh(xi / 0.01)
-    before = np.linalg.inv(now.jacobian).T @ now.torque - mhat * (now.velocity - s["xd"]) / PERIOD
+    before = np.linalg.inv(now.jacobian).T @ now.torque - mhat * (now.velocity - s["xd"]) / elapsed
     s["xd"] = now.velocity
     return now.jacobian.T @ (mhat * u + before)
 
@@ -67,8 +67,10 @@ def tde_again(s: dict, now: State, wanted: Reference, desired: Impedance) -> Arr
 def test_step_is_the_law_written_again() -> None:
     rng = np.random.default_rng(3)
     start = state(ARM, Q, np.zeros(2), torque=np.array([1.0, 2.0]))
-    law = TdeSlidingMode().start(task(ARM), start)
+    law = TdeSlidingMode(growth=2.0, decay=0.5).start(task(ARM), start)
     again = {
+        "growth": 2.0,
+        "decay": 0.5,
         "p": start.position,
         "v": np.zeros(2),
         "xi": np.zeros(2),
@@ -82,7 +84,7 @@ def test_step_is_the_law_written_again() -> None:
             rng.normal(size=2, scale=0.1),
             rng.normal(size=2),
             rng.normal(size=2),
-        )
+        )._replace(elapsed=PERIOD * rng.choice([1, 13]))
         wanted = Reference(*rng.normal(size=(4, 2), scale=0.3))
         expected = tde_again(again, now, wanted, impedance())
         np.testing.assert_allclose(law.step(law.parameters, law.memory, now, wanted), expected, rtol=1e-8, atol=1e-9)

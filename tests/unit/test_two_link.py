@@ -123,12 +123,6 @@ def test_a_servo_as_stiff_as_k_ref_follows_the_torque() -> None:
     )
 
 
-def test_applied_torque_is_what_the_motors_gave() -> None:
-    plant = begin(TwoLink(ARM, FAR_AWAY), Q)
-    plant.advance(torque_command((1.5, -0.5)), STILL)
-    np.testing.assert_array_equal(plant.measure(STILL).applied_torque, [1.5, -0.5])
-
-
 def test_a_moving_surface_pushes_and_drags() -> None:
     """At rest against a surface that comes nearer at 0.1 m/s the force is K depth + B 0.1."""
     plant = begin(TwoLink(arm(), surface()), arm().inverse_kinematics(np.array([0.1, 0.36])))
