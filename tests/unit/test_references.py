@@ -176,12 +176,12 @@ def test_a_table_is_the_curve_through_its_rows() -> None:
     [
         ("", "no column 'time'"),
         ("time,y\n0,1\n", r"no column 'x' \(columns: time, y\)"),
-        ("time,x\n0,1\n1,\n", "row 3"),
+        ("time,x\n0,1\n1,\n", "line 3"),
         ("time,x\n0,1\n1,a\n", "'a' is not a number"),
         ("time,x\n0,1\n", "two points"),
         ("time,x\n0,1\n1,nan\n", "finite"),
         ("time,x\n1,1\n0,1\n", "rise"),
-        ("time,x\n0,1\n1\n", "row 3"),
+        ("time,x\n0,1\n1\n", "line 3"),
     ],
 )
 def test_tables_that_are_no_curve_are_refused(text: str, words: str) -> None:
