@@ -55,8 +55,8 @@ def holding_position(torque: Array, joint_position: Array, servo: Servo, gravity
 
 
 @kernel
-def motor_torque(servo: Servo, torque: Array, reference: Array, q: Array, rate: Array, gravity: Array) -> Array:
-    """Return the joint torque (n,) N m that the motors give for a command (torque, reference) at (q, q')."""
+def motor_torque(servo: Servo, torque: float, reference: float, q: float, rate: float, gravity: float) -> float:
+    """Return the torque (N m) that one joint's motor gives for a command (torque, reference) at (q, q')."""
     if not servo.by_position:
         return torque
     given = servo.stiffness * (reference - q) - servo.damping * rate

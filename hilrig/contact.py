@@ -26,6 +26,10 @@ class Surface:
     friction: Annotated[float, Parameter("", "Coulomb coefficient mu along the surface", 0.0, 2.0)] = 0.0
     pulls: Annotated[bool, Parameter("", "whether it pulls, too, as the printed formula does")] = False
 
+    def constants(self) -> SurfaceState:
+        """Return the undisturbed surface."""
+        return SurfaceState(self.position, 0.0, self.stiffness, self.damping, self.friction, self.pulls)
+
 
 class SurfaceState(NamedTuple):
     """The surface at one instant, disturbances included."""

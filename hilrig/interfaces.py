@@ -132,8 +132,19 @@ class Disturbance(Protocol):
         ...
 
 
+class RobotKernels(NamedTuple):
+    """A robot as a kernel."""
+
+    kinematics: Callable[[Any, Array, Array], Kinematics]
+    """`Robot.kinematics`, with `constants` as its first argument"""
+    constants: Any
+
+
 class Robot(Protocol):
-    """Group `robots`: geometry and nominal dynamics, shared by controller and driver."""
+    """Group `robots`: geometry and nominal dynamics, shared by controller and driver.
+
+    One that also offers `kernels() -> RobotKernels` can be part of a compiled trial.
+    """
 
     axes: ClassVar[tuple[str, ...]]
     """Names of the m task axes; the last one is the surface's normal"""
@@ -185,8 +196,23 @@ class Begin(NamedTuple):
     """Where the trial begins, at rest, (n,) rad"""
 
 
+class PlantKernels(NamedTuple):
+    """A simulated plant as kernels, which work on `state` in place; `constants` is their first argument."""
+
+    measure: Callable[[Any, Array, Nudge], Measurement]
+    truth: Callable[[Any, Array, Nudge], Truth]
+    advance: Callable[[Any, Array, Nudge, Array, Array], None]
+    """The last two: torque and joint position of the command"""
+    constants: Any
+    state: Array
+    """All that changes during a trial"""
+
+
 class Plant(Protocol):
-    """A driver at work in one trial. `measure` is called before anything else."""
+    """A driver at work in one trial. `measure` is called before anything else.
+
+    One that also offers `kernels() -> PlantKernels` can be part of a compiled trial.
+    """
 
     def measure(self, disturbance: Nudge) -> Measurement:
         """Return what the sensors say now."""

@@ -21,6 +21,9 @@ from hilrig.errors import HilrigError
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+jitable: Callable[[Function], Function] = numba.extending.register_jitable
+"""Marks a function that kernels can call and that stays plain Python elsewhere: for what costs less than a call."""
+
 
 @cache
 def _source_state(folder: Path) -> str:

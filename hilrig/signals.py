@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hilrig.kernel import jitable
+
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 """(height, width, 3), RGB"""
@@ -155,6 +157,7 @@ class Nudge(NamedTuple):
     joint_friction_scale: float
 
 
+@jitable
 def nudge(inputs: Inputs, tick: int) -> Nudge:
     """Return what disturbs the plant during the period that begins at `tick`."""
     return Nudge(

@@ -7,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from hilrig.actuation import holding_position, motor_torque
+from hilrig.contact import SurfaceState
 from hilrig.interfaces import Begin
 from hilrig.kernel import kernel
 from hilrig.robots.planar_2r import Geometry, kinematics
 from hilrig.signals import Array, Command, Measurement, Nudge, Truth
 from hilrig_drivers._bullet_world import EngineContact, ExplicitContact, World
-from hilrig_drivers._planar import Constants, PlanarArm, joint_friction, moved, planar_wrench, surface_now
+from hilrig_drivers._planar import Constants, PlanarArm, friction, planar_wrench, surface_now
 
 
 class Sight(NamedTuple):
@@ -31,7 +32,7 @@ class BulletPlant:
     """The arm in one trial."""
 
     def __init__(self, arm: PlanarArm, engine_contact: bool, substep: float, begin: Begin) -> None:
-        self._surface, self._constants = arm.surface, arm.constants()
+        self._constants = arm.constants()
         # Direct drive without friction is common, and the time of a call into a kernel counts.
         self._direct = arm.servo_gain is None and not any((*arm.coulomb, *arm.viscous))
         self._steps = max(1, int(np.ceil(begin.period / substep - 1e-9)))
@@ -46,13 +47,13 @@ class BulletPlant:
         force = self._force(disturbance)
         if self._torque is None:
             self._torque = self._sight.gravity + self._sight.jacobian.T @ force
-        return Measurement(self._sight.joint_position, planar_wrench(force), self._torque)
+        return Measurement(self._sight.joint_position, planar_wrench(*force), self._torque)
 
     def advance(self, command: Command, disturbance: Nudge) -> None:
         """Step the engine through one period with the command held."""
-        surface = surface_now(self._surface, disturbance)
+        surface = surface_now(self._constants.surface, disturbance)
         for i in range(self._steps):
-            now = moved(surface, i * self._world.step_size) if surface.velocity else surface
+            now = moved(surface, i * self._world.step_size)
             sight = self._sight
             motor, net = self._drive(command, disturbance.joint_friction_scale)
             self._contact.apply(now, sight.position, sight.velocity, disturbance.tip_force)
@@ -75,20 +76,25 @@ class BulletPlant:
     def truth(self, disturbance: Nudge) -> Truth:
         """Return the true state."""
         sight = self._sight
-        place = self._surface.position + disturbance.surface_offset
-        wrench = planar_wrench(self._force(disturbance))
+        place = self._constants.surface.position + disturbance.surface_offset
+        wrench = planar_wrench(*self._force(disturbance))
         return Truth(sight.joint_position, sight.joint_velocity, sight.position, sight.velocity, wrench, place)
 
     def _look(self) -> Sight:
         return look(self._constants.geometry, self._constants.dynamics, *self._world.joints())
 
     def _force(self, disturbance: Nudge) -> Array:
-        surface = surface_now(self._surface, disturbance)
+        surface = surface_now(self._constants.surface, disturbance)
         return self._contact.force(surface, self._sight.position, self._sight.velocity) + disturbance.tip_force
 
     def close(self) -> None:
         """Disconnect from the engine."""
         self._world.close()
+
+
+def moved(surface: SurfaceState, after: float) -> SurfaceState:
+    """Return the surface `after` seconds into the period, moving at its constant rate."""
+    return surface._replace(position=surface.position + after * surface.velocity) if surface.velocity else surface
 
 
 @kernel
@@ -104,6 +110,9 @@ def joint_torque(
     c: Constants, sight: Sight, friction_scale: float, torque: Array, reference: Array
 ) -> tuple[Array, Array]:
     """Return the motors' torque (2,) N m, and what is left of it behind the joints' friction."""
-    rate = sight.joint_velocity
-    motor = motor_torque(c.servo, torque, reference, sight.joint_position, rate, sight.gravity)
-    return motor, motor - joint_friction(c, friction_scale, rate)
+    q, rate, gravity = sight.joint_position, sight.joint_velocity, sight.gravity
+    motor, net = np.empty(2), np.empty(2)
+    for i in range(2):
+        motor[i] = motor_torque(c.servo, torque[i], reference[i], q[i], rate[i], gravity[i])
+        net[i] = motor[i] - friction(c, friction_scale, i, rate[i])
+    return motor, net

@@ -1,4 +1,4 @@
-"""What the simulated planar arms share: their parameters, their surface, disturbed, and the forces on them."""
+"""What the simulated planar arms share: their parameters, their surface, disturbed, and the forces on their joints."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from hilrig.actuation import Actuation, Servo
 from hilrig.contact import Surface, SurfaceState, contact_force
 from hilrig.interfaces import Parameter
-from hilrig.kernel import kernel
+from hilrig.kernel import jitable, kernel
 from hilrig.robots.planar_2r import FRICTION_RATE, Geometry, Planar2r
 from hilrig.signals import Array, Inputs, Nudge
 
@@ -48,7 +48,7 @@ class PlanarArm:
         """Return the numbers that the kernels take."""
         return Constants(
             self.robot.geometry(), self.robot.dynamic_parameters(), self.actuation.constants(),
-            np.array(self.coulomb), np.array(self.viscous),
+            np.array(self.coulomb), np.array(self.viscous), self.surface.constants(),
         )  # fmt: skip
 
 
@@ -61,10 +61,13 @@ class Constants(NamedTuple):
     servo: Servo
     coulomb: Array
     viscous: Array
+    surface: SurfaceState
+    """Undisturbed"""
 
 
-def surface_now(surface: Surface, disturbance: Nudge) -> SurfaceState:
-    """Return the surface with its disturbances."""
+@jitable
+def surface_now(surface: SurfaceState, disturbance: Nudge) -> SurfaceState:
+    """Return the undisturbed `surface` with its disturbances."""
     return SurfaceState(
         surface.position + disturbance.surface_offset,
         disturbance.surface_velocity,
@@ -75,9 +78,10 @@ def surface_now(surface: Surface, disturbance: Nudge) -> SurfaceState:
     )
 
 
-def planar_wrench(force: Array) -> Array:
-    """Return the wrench (6,) of a force (x, z)."""
-    return np.array([force[0], 0.0, force[1], 0.0, 0.0, 0.0])
+@jitable
+def planar_wrench(x: float, z: float) -> Array:
+    """Return the wrench (6,) of a force (x, z) N."""
+    return np.array([x, 0.0, z, 0.0, 0.0, 0.0])
 
 
 @kernel
@@ -88,15 +92,7 @@ def tip_force(surface: SurfaceState, external: Array, position: Array, velocity:
 
 
 @kernel
-def joint_friction(c: Constants, scale: float, rate: Array) -> Array:
-    """Return scale (f tanh(q'/eps) + b q'), (2,) N m."""
-    return scale * (c.coulomb * np.tanh(rate / FRICTION_RATE) + c.viscous * rate)
+def friction(c: Constants, scale: float, joint: int, rate: float) -> float:
+    """Return scale (f tanh(q'/eps) + b q') of one joint, N m."""
+    return scale * (c.coulomb[joint] * np.tanh(rate / FRICTION_RATE) + c.viscous[joint] * rate)
 
-
-@kernel
-def moved(surface: SurfaceState, after: float) -> SurfaceState:
-    """Return the surface `after` seconds into the period, moving at its constant rate."""
-    return SurfaceState(
-        surface.position + after * surface.velocity, surface.velocity, surface.stiffness, surface.damping,
-        surface.friction, surface.pulls,
-    )  # fmt: skip

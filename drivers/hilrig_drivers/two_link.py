@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from hilrig.actuation import holding_position, motor_torque
-from hilrig.contact import SurfaceState
-from hilrig.impedance import joint_torque
-from hilrig.interfaces import Abilities, Begin, Parameter
+from hilrig.contact import contact_force
+from hilrig.interfaces import Abilities, Begin, Parameter, PlantKernels
 from hilrig.kernel import kernel
-from hilrig.robots.planar_2r import kinematics
 from hilrig.signals import Array, Command, Measurement, Nudge, Truth
-from hilrig_drivers._planar import (
-    PLANT_INPUTS,
-    Constants,
-    PlanarArm,
-    joint_friction,
-    moved,
-    planar_wrench,
-    surface_now,
-    tip_force,
-)
+from hilrig_drivers._planar import PLANT_INPUTS, Constants, PlanarArm, friction, planar_wrench, surface_now
 
 
 @dataclass(frozen=True)
@@ -32,120 +21,198 @@ class TwoLink(PlanarArm):
 
     F_e is the contact of `surface` (normal along the last task axis) plus any external tip force;
     F(q') = f tanh(q'/5e-3) + b q', with `coulomb` f and `viscous` b per joint.
+    `coriolis` = printed takes the paper's C, whose second row is [0, h q2'] instead of [h q1', 0], h = m2 c2 l1 sin q2:
+    M' - 2C is then not skew-symmetric, and the arm makes energy from nothing.
     """
 
     abilities: ClassVar[Abilities] = Abilities(("lockstep", "realtime"), PLANT_INPUTS, simulated=True)
 
     substep: Annotated[float, Parameter("s", "integration step, at most", 1e-6, 1e-2, "log")] = 2.5e-4
+    coriolis: Literal["passive", "printed"] = "passive"
 
     def begin(self, begin: Begin) -> TwoLinkPlant:
         """Return the arm at rest, held there by its motors."""
         return TwoLinkPlant(self, begin)
 
 
+class Model(NamedTuple):
+    """What does not change during a trial."""
+
+    arm: Constants
+    printed_coriolis: bool
+    substep: float
+    """s"""
+    steps: int
+    """Substeps in a period"""
+
+
 class TwoLinkPlant:
     """The arm in one trial."""
 
     def __init__(self, driver: TwoLink, begin: Begin) -> None:
-        self._surface = driver.surface
-        self._constants = driver.constants()
-        self._steps = max(1, int(np.ceil(begin.period / driver.substep - 1e-9)))
-        self._substep = begin.period / self._steps
-        self._state = np.concatenate([begin.joint_position, np.zeros(2)])
-        self._torque: Array | None = None
+        steps = max(1, int(np.ceil(begin.period / driver.substep - 1e-9)))
+        self._model = Model(driver.constants(), driver.coriolis == "printed", begin.period / steps, steps)
+        self._state = np.concatenate([begin.joint_position, np.zeros(4)])
+        self._begun = False
+
+    def kernels(self) -> PlantKernels:
+        """Return the arm as kernels, from the state it is in."""
+        return PlantKernels(measure, truth, advance, self._model, self._state)
 
     def measure(self, disturbance: Nudge) -> Measurement:
         """Return joint positions and the wrench the robot exerts."""
-        sight = observe(self._constants, self._state, surface_now(self._surface, disturbance), disturbance.tip_force)
-        if self._torque is None:
-            self._torque = sight[2]
-        return Measurement(self._state[:2].copy(), planar_wrench(sight[1]), self._torque)
+        if not self._begun:
+            self._begun = True
+            self._state[4:] = holding_torque(self._model, self._state, disturbance)
+        return measure(self._model, self._state, disturbance)
 
     def advance(self, command: Command, disturbance: Nudge) -> None:
         """Integrate one period with the command held."""
-        self._torque = advance(
-            self._constants, self._state, surface_now(self._surface, disturbance), disturbance.tip_force,
-            disturbance.joint_friction_scale, command.torque, command.position, self._substep, self._steps,
-        )  # fmt: skip
+        advance(self._model, self._state, disturbance, command.torque, command.position)
 
     def hold(self) -> Command:
         """Return the command that holds the arm where it is."""
-        torque = self._torque
-        assert torque is not None, "measure() comes first"
-        q = self._state[:2]
-        gravity = gravity_torque(self._constants, self._state)
-        return Command(torque, holding_position(torque, q, self._constants.servo, gravity))
+        assert self._begun, "measure() comes first"
+        torque, q = self._state[4:].copy(), self._state[:2]
+        gravity = np.array(weight(self._model.arm, pose(*q)))
+        return Command(torque, holding_position(torque, q, self._model.arm.servo, gravity))
 
     def truth(self, disturbance: Nudge) -> Truth:
         """Return the true state."""
-        surface = surface_now(self._surface, disturbance)
-        motion, force, _ = observe(self._constants, self._state, surface, disturbance.tip_force)
-        q, rate = self._state[:2].copy(), self._state[2:].copy()
-        return Truth(q, rate, motion[0], motion[1], planar_wrench(force), surface.position)
+        return truth(self._model, self._state, disturbance)
 
     def close(self) -> None:
         """Nothing to release."""
 
 
-@kernel
-def gravity_torque(c: Constants, state: Array) -> Array:
-    """Return G(q), (2,) N m."""
-    at = kinematics(c.geometry, state[:2], np.zeros(2))
-    return np.dot(at.regressor[0], c.dynamics)
+Pair = tuple[float, float]
+Four = tuple[float, float, float, float]
+"""q1, q2, q1', q2', or their rates"""
+
+
+class Pose(NamedTuple):
+    """The arm's geometry at (q1, q2): everything that needs a sine, made once."""
+
+    x1: float
+    """Of link 1, cos q1; and so on"""
+    z1: float
+    x2: float
+    """Of link 2, cos(q1 + q2)"""
+    z2: float
 
 
 @kernel
-def observe(
-    c: Constants, state: Array, surface: SurfaceState, external: Array
-) -> tuple[tuple[Array, Array], Array, Array]:
-    """Return ((x, x'), F_e, the torque G + J^T F_e that holds the arm)."""
-    at = kinematics(c.geometry, state[:2], state[2:])
-    force = tip_force(surface, external, at.position, at.velocity)
-    hold = gravity_torque(c, state) + joint_torque(at.jacobian, force)
-    return (at.position, at.velocity), force, hold
+def pose(q1: float, q2: float) -> Pose:
+    """Return the directions of the links."""
+    return Pose(np.cos(q1), np.sin(q1), np.cos(q1 + q2), np.sin(q1 + q2))
 
 
 @kernel
-def derivative(
-    c: Constants,
-    state: Array,
-    surface: SurfaceState,
-    external: Array,
-    friction_scale: float,
-    torque: Array,
-    reference: Array,
-) -> tuple[Array, Array]:
-    """Return the state's rate (4,) and the motor torque (2,)."""
-    q, rate = state[:2], state[2:]
-    at = kinematics(c.geometry, q, rate)
-    r = at.regressor
-    force = tip_force(surface, external, at.position, at.velocity)
-    gravity = gravity_torque(c, state)
-    motor = motor_torque(c.servo, torque, reference, q, rate, gravity)
-    friction = joint_friction(c, friction_scale, rate)
-    coriolis = np.dot(rate[0] * r[1] + rate[1] * r[2], c.dynamics)
-    load = motor - friction - coriolis - gravity - joint_torque(at.jacobian, force)
-    m1, m2 = np.dot(r[3], c.dynamics), np.dot(r[4], c.dynamics)
-    determinant = m1[0] * m2[1] - m1[1] * m2[0]
-    q1 = (m2[1] * load[0] - m2[0] * load[1]) / determinant
-    q2 = (m1[0] * load[1] - m1[1] * load[0]) / determinant
-    return np.array([rate[0], rate[1], q1, q2]), motor
+def jacobian(c: Constants, at: Pose) -> tuple[Pair, Pair, Pair]:
+    """Return the tip (x, z) in m and the rows of J = d(x, z)/dq."""
+    l1, l2 = c.geometry.length_1, c.geometry.length_2
+    x2, z2 = l2 * at.x2, l2 * at.z2
+    x, z = l1 * at.x1 + x2, l1 * at.z1 + z2
+    return (x, z), (-z, -z2), (x, x2)
 
 
 @kernel
-def advance(
-    c: Constants, state: Array, surface: SurfaceState, external: Array, friction_scale: float,
-    torque: Array, reference: Array, substep: float, steps: int,
-) -> Array:  # fmt: skip
-    """Integrate `state` (4,) in place by `steps` classical Runge-Kutta steps; return the last motor torque (2,)."""
-    motor = torque
-    moving = surface
-    for i in range(steps):
-        k1, motor = derivative(c, state, moving, external, friction_scale, torque, reference)
-        half = moved(surface, (i + 0.5) * substep)
-        k2, _ = derivative(c, state + 0.5 * substep * k1, half, external, friction_scale, torque, reference)
-        k3, _ = derivative(c, state + 0.5 * substep * k2, half, external, friction_scale, torque, reference)
-        moving = moved(surface, (i + 1) * substep)
-        k4, _ = derivative(c, state + substep * k3, moving, external, friction_scale, torque, reference)
-        state += substep / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-    return motor.copy()
+def exerted(c: Constants, disturbance: Nudge, after: float, place: Pair, speed: Pair) -> Pair:
+    """Return F_e (x, z), contact plus external force, N, for the tip at `place` m with `speed` m/s.
+
+    `after` (s) into the period the surface has moved on at its constant rate.
+    """
+    surface = surface_now(c.surface, disturbance)
+    normal, tangential = contact_force(surface, place[1] - after * surface.velocity, speed[1], speed[0])
+    return tangential + disturbance.tip_force[0], normal + disturbance.tip_force[1]
+
+
+@kernel
+def weight(c: Constants, at: Pose) -> Pair:
+    """Return G(q), N m."""
+    theta, gx, gz = c.dynamics, c.geometry.gravity_x, c.geometry.gravity_z
+    second = theta[4] * (gx * at.z2 - gz * at.x2)
+    return theta[3] * (gx * at.z1 - gz * at.x1) + second, second
+
+
+@kernel
+def inertia(c: Constants, at: Pose) -> tuple[float, float, float, float]:
+    """Return M11, M12, M22 (kg m^2) and h = m2 c2 l1 sin q2 of C."""
+    theta = c.dynamics
+    cosine, sine = at.x1 * at.x2 + at.z1 * at.z2, at.x1 * at.z2 - at.z1 * at.x2
+    mixed = theta[1] * cosine
+    return theta[0] + 2.0 * mixed + theta[2], theta[2] + mixed, theta[2], theta[1] * sine
+
+
+@kernel
+def holding_torque(model: Model, state: Array, disturbance: Nudge) -> Array:
+    """Return the torque G + J^T F_e that holds the arm at rest, (2,) N m."""
+    c, at = model.arm, pose(state[0], state[1])
+    place, row_x, row_z = jacobian(c, at)
+    force, load = exerted(c, disturbance, 0.0, place, (0.0, 0.0)), weight(c, at)
+    return np.array([load[i] + row_x[i] * force[0] + row_z[i] * force[1] for i in range(2)])
+
+
+@kernel
+def rates(
+    model: Model, disturbance: Nudge, after: float, torque: Array, reference: Array, s: Four
+) -> tuple[Four, Pair]:
+    """Return the rate of the state `s`, `after` seconds into the period, and the motors' torque in N m."""
+    c, (q1, q2, rate1, rate2) = model.arm, s
+    at = pose(q1, q2)
+    place, row_x, row_z = jacobian(c, at)
+    speed = (row_x[0] * rate1 + row_x[1] * rate2, row_z[0] * rate1 + row_z[1] * rate2)
+    force, load = exerted(c, disturbance, after, place, speed), weight(c, at)
+    m11, m12, m22, h = inertia(c, at)
+    coriolis1 = -h * rate2 * (2.0 * rate1 + rate2)
+    coriolis2 = h * rate2 * rate2 if model.printed_coriolis else h * rate1 * rate1
+    motor1 = motor_torque(c.servo, torque[0], reference[0], q1, rate1, load[0])
+    motor2 = motor_torque(c.servo, torque[1], reference[1], q2, rate2, load[1])
+    scale = disturbance.joint_friction_scale
+    net1 = motor1 - load[0] - coriolis1 - friction(c, scale, 0, rate1) - row_x[0] * force[0] - row_z[0] * force[1]
+    net2 = motor2 - load[1] - coriolis2 - friction(c, scale, 1, rate2) - row_x[1] * force[0] - row_z[1] * force[1]
+    determinant = m11 * m22 - m12 * m12
+    acceleration1 = (m22 * net1 - m12 * net2) / determinant
+    acceleration2 = (m11 * net2 - m12 * net1) / determinant
+    return (rate1, rate2, acceleration1, acceleration2), (motor1, motor2)
+
+
+@kernel
+def along(s: Four, step: float, rate: Four) -> Four:
+    """Return s + step * rate."""
+    return s[0] + step * rate[0], s[1] + step * rate[1], s[2] + step * rate[2], s[3] + step * rate[3]
+
+
+@kernel
+def advance(model: Model, state: Array, disturbance: Nudge, torque: Array, reference: Array) -> None:
+    """Move `state` (6,) on by one period, in place, by classical Runge-Kutta steps under a held command."""
+    h = model.substep
+    s = (state[0], state[1], state[2], state[3])
+    for i in range(model.steps):
+        k1, motor = rates(model, disturbance, i * h, torque, reference, s)
+        k2, _ = rates(model, disturbance, (i + 0.5) * h, torque, reference, along(s, 0.5 * h, k1))
+        k3, _ = rates(model, disturbance, (i + 0.5) * h, torque, reference, along(s, 0.5 * h, k2))
+        k4, _ = rates(model, disturbance, (i + 1) * h, torque, reference, along(s, h, k3))
+        s = along(along(along(along(s, h / 6.0, k1), h / 3.0, k2), h / 3.0, k3), h / 6.0, k4)
+        state[4], state[5] = motor
+    state[0], state[1], state[2], state[3] = s
+
+
+@kernel
+def measure(model: Model, state: Array, disturbance: Nudge) -> Measurement:
+    """Return joint positions, the wrench the robot exerts, and the motors' last torque."""
+    now = truth(model, state, disturbance)
+    return Measurement(now.joint_position, now.wrench, state[4:].copy())
+
+
+@kernel
+def truth(model: Model, state: Array, disturbance: Nudge) -> Truth:
+    """Return the true state."""
+    c = model.arm
+    place, row_x, row_z = jacobian(c, pose(state[0], state[1]))
+    speed = (row_x[0] * state[2] + row_x[1] * state[3], row_z[0] * state[2] + row_z[1] * state[3])
+    force = exerted(c, disturbance, 0.0, place, speed)
+    return Truth(
+        state[:2].copy(), state[2:4].copy(), np.array(place), np.array(speed), planar_wrench(force[0], force[1]),
+        c.surface.position + disturbance.surface_offset,
+    )  # fmt: skip

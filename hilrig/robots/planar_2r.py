@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from hilrig.errors import OutOfReach
-from hilrig.interfaces import Parameter
+from hilrig.interfaces import Parameter, RobotKernels
 from hilrig.kernel import kernel
 from hilrig.signals import Array, Kinematics
 
@@ -29,6 +29,8 @@ class Geometry(NamedTuple):
     """m/s^2"""
     gravity_z: float
     """m/s^2"""
+    printed_jacobian: bool
+    """Whether `kinematics` gives the paper's misprinted Jacobian"""
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,8 @@ class Planar2r:
 
     A link is a uniform slender rod unless `centers_of_mass` and `inertias` say otherwise; point masses at the ends, as
     in the paper, are centers_of_mass = dynamic_lengths and inertias = 0. `dynamic_lengths` gives the dynamics other
-    lengths than the kinematics: the paper's Section V needs it.
+    lengths than the kinematics: the paper's Section V needs it. `jacobian` = printed tells control laws the matrix that
+    the paper prints, [[s1 + s12, s12], [c12, c12 + c1]], which is the derivative of no position.
     """
 
     axes: ClassVar[tuple[str, ...]] = ("x", "z")
@@ -64,10 +67,18 @@ class Planar2r:
     joint_upper: Annotated[Pair, Parameter("rad", "highest joint positions", -7.0, 7.0)] = (np.pi, np.pi)
     torque_limit: Annotated[Pair, Parameter("N*m", "largest joint torques", 0.0, 1e4)] = (200.0, 200.0)
     elbow: Literal["positive", "negative"] = "positive"
+    jacobian: Literal["derivative", "printed"] = "derivative"
 
     def geometry(self) -> Geometry:
-        """Return the numbers that the kernels take."""
-        return Geometry(*self.lengths, *self.gravity)
+        """Return the numbers that the kernels take; a plant moves by the true Jacobian whatever laws are told."""
+        return Geometry(*self.lengths, *self.gravity, printed_jacobian=False)
+
+    def kernels(self) -> RobotKernels:
+        """Return the kinematics as a kernel."""
+        return RobotKernels(kinematics, self._told())
+
+    def _told(self) -> Geometry:
+        return self.geometry()._replace(printed_jacobian=self.jacobian == "printed")
 
     def mass_distribution(self) -> tuple[Pair, Pair]:
         """Return the centres of mass c1, c2 (m, from each joint) and the inertias I1, I2 (kg m^2) about them."""
@@ -96,7 +107,7 @@ class Planar2r:
 
     def kinematics(self, joint_position: Array, joint_velocity: Array) -> Kinematics:
         """Return geometry and regressor at (q, q')."""
-        return kinematics(self.geometry(), joint_position, joint_velocity)
+        return kinematics(self._told(), joint_position, joint_velocity)
 
     def dynamic_parameters(self) -> Array:
         """Return the nominal theta (9,), without friction."""
@@ -143,11 +154,18 @@ def kinematics(geometry: Geometry, q: Array, rate: Array) -> Kinematics:
     s12, c12 = np.sin(q[0] + q[1]), np.cos(q[0] + q[1])
     w1, w12 = rate[0], rate[0] + rate[1]
     position = np.array([l1 * c1 + l2 * c12, l1 * s1 + l2 * s12])
-    jacobian = np.array([[-l1 * s1 - l2 * s12, -l2 * s12], [l1 * c1 + l2 * c12, l2 * c12]])
-    jacobian_rate = np.array(
-        [[-l1 * c1 * w1 - l2 * c12 * w12, -l2 * c12 * w12], [-l1 * s1 * w1 - l2 * s12 * w12, -l2 * s12 * w12]]
+    if geometry.printed_jacobian:
+        jacobian = np.array([[s1 + s12, s12], [c12, c12 + c1]])
+        jacobian_rate = np.array([[c1 * w1 + c12 * w12, c12 * w12], [-s12 * w12, -s12 * w12 - s1 * w1]])
+    else:
+        jacobian = np.array([[-l1 * s1 - l2 * s12, -l2 * s12], [l1 * c1 + l2 * c12, l2 * c12]])
+        jacobian_rate = np.array(
+            [[-l1 * c1 * w1 - l2 * c12 * w12, -l2 * c12 * w12], [-l1 * s1 * w1 - l2 * s12 * w12, -l2 * s12 * w12]]
+        )
+    velocity = np.array(
+        [jacobian[0, 0] * w1 + jacobian[0, 1] * rate[1], jacobian[1, 0] * w1 + jacobian[1, 1] * rate[1]]
     )
-    return Kinematics(position, np.dot(jacobian, rate), jacobian, jacobian_rate, regressor(geometry, q, rate))
+    return Kinematics(position, velocity, jacobian, jacobian_rate, regressor(geometry, q, rate))
 
 
 @kernel
