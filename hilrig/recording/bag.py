@@ -1,4 +1,4 @@
-"""A trial's recording: an MCAP file of ROS 2 messages, as they came off the bus."""
+"""Reads a trial's recording: an MCAP file of ROS 2 messages, as they came off the bus."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from io import BytesIO
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Any
 
 import lz4.frame
@@ -17,54 +16,15 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel as McapChannel
 from mcap.records import Chunk, Schema
-from mcap.writer import CompressionType, Writer
 
-from hilrig import __version__
 from hilrig.errors import RunDirectoryError
 from hilrig.messages.codec import Codec, Definition, parse, sizes_in
 
-CHUNK_SIZE = 64 * 1024
-"""Bytes. After a crash at most the last chunk is lost."""
-
-
-_MAGIC = b"\x89MCAP0\r\n"
+MAGIC = b"\x89MCAP0\r\n"
 _RECORD_HEAD = struct.Struct("<BQ")
 """Of a record: opcode and length"""
 _MESSAGE_HEAD = 22
 """Bytes of a message record before its payload: channel, sequence, log time, publish time"""
-
-
-class BagWriter:
-    """Writes payloads of known definitions, in the order given. Log time is trial time."""
-
-    def __init__(self, path: Path) -> None:
-        self._file = path.open("wb")
-        self._writer = Writer(self._file, chunk_size=CHUNK_SIZE, compression=CompressionType.LZ4)
-        self._writer.start(profile="ros2", library=f"hilrig {__version__}")
-        self._channels: dict[str, int] = {}
-
-    def add_channel(self, name: str, definition: Definition) -> None:
-        """Open the channel `name` (topic /<name>) for messages of this definition."""
-        schema = self._writer.register_schema(definition.name, "ros2msg", definition.text.encode())
-        self._channels[name] = self._writer.register_channel(f"/{name}", "cdr", schema)
-
-    def write(self, name: str, payload: bytes, tick: int, period: float) -> None:
-        """Record one payload as of `tick` (time = tick * period, s)."""
-        time = round(tick * period * 1e9)
-        self._writer.add_message(self._channels[name], time, payload, time, tick & 0xFFFFFFFF)
-
-    def close(self) -> None:
-        """Write the index and close the file."""
-        self._writer.finish()
-        self._file.close()
-
-    def __enter__(self) -> BagWriter:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def read_bag(path: Path, topics: Iterable[str] | None = None) -> dict[str, dict[str, np.ndarray]]:
@@ -121,16 +81,16 @@ def _records(file: IO[bytes], path: Path) -> Iterator[tuple[int, bytes]]:
 
 def is_whole(path: Path) -> bool:
     """Return whether there is a bag at `path` that its writer finished: it ends as it begins."""
-    if not path.is_file() or path.stat().st_size < len(_MAGIC):
+    if not path.is_file() or path.stat().st_size < len(MAGIC):
         return False
     with path.open("rb") as file:
-        file.seek(-len(_MAGIC), os.SEEK_END)
-        return file.read() == _MAGIC
+        file.seek(-len(MAGIC), os.SEEK_END)
+        return file.read() == MAGIC
 
 
 def _chunks(file: IO[bytes], path: Path) -> Iterator[bytes]:
     """Yield every whole chunk, decompressed. Where the writer was killed the end is missing: that is no error."""
-    if not _MAGIC.startswith(file.read(len(_MAGIC))):
+    if not MAGIC.startswith(file.read(len(MAGIC))):
         raise RunDirectoryError(f"{path}: not a readable MCAP file (it does not begin like one)")
     while len(head := file.read(_RECORD_HEAD.size)) == _RECORD_HEAD.size:
         opcode, size = _RECORD_HEAD.unpack(head)

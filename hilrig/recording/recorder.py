@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Any, NamedTuple
 
 from hilrig.messages.codec import Definition
-from hilrig.recording.bag import BagWriter
+from hilrig.recording.bag_writer import BagWriter
 
 MOST_GAPS = 20
 """Gaps listed per channel; all of them are counted."""

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from hilrig.errors import RunDirectoryError
 from hilrig.messages.codec import Codec, definition, extended
-from hilrig.recording.bag import CHUNK_SIZE, BagWriter, read_bag
+from hilrig.recording.bag import read_bag
+from hilrig.recording.bag_writer import CHUNK_SIZE, BagWriter
 
 PERIOD = 1e-3
 TICKS = 1500
@@ -137,3 +139,39 @@ def test_rosbags_opens_and_decodes_the_bag(bag: Path) -> None:
                 np.testing.assert_array_equal(message.gains, internals(tick)[-2])
             seen += 1
     assert seen == 2 * TICKS
+
+
+def test_mcaps_own_reader_finds_everything_by_the_index(bag: Path) -> None:
+    with bag.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        assert summary.statistics.message_count == 2 * TICKS
+        assert len(summary.chunk_indexes) == summary.statistics.chunk_count > 3
+        some = [
+            message
+            for _, _, message in reader.iter_messages(["/state"], starting_at=5_000_000, ending_before=9_000_000)
+        ]
+    assert [message.sequence for message in some] == [5, 6, 7, 8]
+    assert some[0].data == STATE.pack(state(5))
+
+
+def test_rows_are_recorded_as_messages_are(bag: Path, tmp_path: Path) -> None:
+    """Many ticks at a time, in chunks that the writer is told to end, or one by one: the same record."""
+    with BagWriter(tmp_path / "rows.mcap") as writer:
+        writer.add_channel("state", STATE.definition)
+        writer.add_channel("internals", INTERNALS.definition)
+        for first in range(0, TICKS, 500):
+            ticks = np.arange(first, first + 500)
+            for name, codec, values in (("state", STATE, state), ("internals", INTERNALS, internals)):
+                payloads = [np.frombuffer(codec.pack(values(tick)), np.uint8) for tick in ticks]
+                writer.write_rows(name, np.stack(payloads), ticks, PERIOD)
+            writer.end_chunk()
+    one_by_one, rows = read_bag(bag), read_bag(tmp_path / "rows.mcap")
+    for channel, fields in one_by_one.items():
+        for name, expected in fields.items():
+            np.testing.assert_array_equal(rows[channel][name], expected)
+    with (tmp_path / "rows.mcap").open("rb") as file:
+        found = make_reader(file, validate_crcs=True).iter_messages(["/internals"], starting_at=700_000_000)
+        assert next(iter(found))[2].data == INTERNALS.pack(internals(700))

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from hilrig.errors import RunDirectoryError
-from hilrig.recording.bag import BagWriter
+from hilrig.recording.bag_writer import BagWriter
 from hilrig.recording.manifest import provenance
 from hilrig.recording.run_directory import (
     create_run,
