@@ -135,8 +135,8 @@ class Disturbance(Protocol):
 class RobotKernels(NamedTuple):
     """A robot as a kernel."""
 
-    kinematics: Callable[[Any, Array, Array], Kinematics]
-    """`Robot.kinematics`, with `constants` as its first argument"""
+    kinematics: Callable[[Any, Array, Array, Kinematics], None]
+    """Writes `Robot.kinematics` at (q, q') into the arrays it is given; `constants` is its first argument"""
     constants: Any
 
 
@@ -196,13 +196,24 @@ class Begin(NamedTuple):
     """Where the trial begins, at rest, (n,) rad"""
 
 
-class PlantKernels(NamedTuple):
-    """A simulated plant as kernels, which work on `state` in place; `constants` is their first argument."""
+class Sight(NamedTuple):
+    """What is to be seen of a simulated plant: room for a `Measurement` and, but for the surface, a `Truth`."""
 
-    measure: Callable[[Any, Array, Nudge], Measurement]
-    truth: Callable[[Any, Array, Nudge], Truth]
+    joint_position: Array
+    joint_velocity: Array
+    position: Array
+    velocity: Array
+    wrench: Array
+    applied_torque: Array
+
+
+class PlantKernels(NamedTuple):
+    """A simulated plant as kernels; `constants` and `state` are their first arguments."""
+
+    observe: Callable[[Any, Array, Nudge, Sight], float]
+    """Fills a `Sight` and returns the place of the surface, m"""
     advance: Callable[[Any, Array, Nudge, Array, Array], None]
-    """The last two: torque and joint position of the command"""
+    """Moves `state` on by one period; the last two arguments are torque and joint position of the command"""
     constants: Any
     state: Array
     """All that changes during a trial"""

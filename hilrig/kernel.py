@@ -17,13 +17,16 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
+from numba.extending import register_jitable
 
 from hilrig.errors import HilrigError
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-jitable: Callable[[Function], Function] = numba.extending.register_jitable
-"""Marks a function that kernels can call and that stays plain Python elsewhere: for what costs less than a call."""
+
+def jitable(function: Function) -> Function:
+    """Mark a function that kernels can call and that stays plain Python elsewhere: for what costs less than a call."""
+    return cast(Function, register_jitable(function))
 
 
 @cache
@@ -59,16 +62,20 @@ def is_kernel(function: Callable[..., Any]) -> bool:
     return hasattr(function, "py_func")
 
 
-def composed(template: Function, **parts: Callable[..., Any]) -> Function:
+def composed(template: Function, allocates: bool = True, **parts: Callable[..., Any]) -> Function:
     """Return `template` as a kernel in which the global names given by `parts` stand for these kernels.
 
     numba can take functions as arguments, but then keeps nothing between processes. A copy of the template whose
     globals name the parts is compiled like any other kernel, and kept in a folder of this composition.
+
+    numba counts the references to every array that a kernel touches, which takes most of the time of one that only
+    passes arrays on. Say `allocates=False` of a template that makes no array: it then goes without.
     """
-    plain = [part.py_func for part in parts.values()]
-    names = "-".join(f"{part.__module__.rpartition('.')[2]}.{part.__name__}" for part in plain)
-    bound = filled(template, **parts)
-    return _compiled(bound, os.path.join(_cache_folder(template, *plain), names))
+    plain: list[Any] = [cast(Any, part).py_func for part in parts.values()]
+    names = [f"{part.__module__}.{part.__qualname__} {getattr(part, 'composition', '')}" for part in plain]
+    bound: Any = filled(template, **parts)
+    bound.composition = hashlib.sha256("; ".join(names).encode()).hexdigest()[:16]
+    return _compiled(bound, os.path.join(_cache_folder(template, *plain), bound.composition), _nrt=allocates)
 
 
 def filled(template: Function, **parts: Callable[..., Any]) -> Function:
@@ -78,12 +85,12 @@ def filled(template: Function, **parts: Callable[..., Any]) -> Function:
     return cast(Any, bound)
 
 
-def _compiled(function: Function, folder: str) -> Function:
+def _compiled(function: Function, folder: str, **options: Any) -> Function:
     before = config.CACHE_DIR  # pyright: ignore[reportAttributeAccessIssue]
     _make_writable(folder)
     config.CACHE_DIR = folder  # pyright: ignore[reportAttributeAccessIssue]
     try:
-        return cast(Function, numba.njit(cache=True, error_model="numpy")(function))
+        return cast(Function, numba.njit(cache=True, error_model="numpy", **options)(function))
     finally:
         config.CACHE_DIR = before  # pyright: ignore[reportAttributeAccessIssue]
 

@@ -41,7 +41,7 @@ class PlantSide:
         self.plant: Plant = trial.driver.begin(Begin(trial.period, start_joint_position(trial)))
         self._monitor = Monitor(trial.limits, trial.period)
         self._delays = self.inputs.measurement_delay.astype(int)
-        self._past: deque[Measurement] = deque(maxlen=int(self._delays.max(initial=0)) + 1)
+        self.past: deque[Measurement] = deque(maxlen=int(self._delays.max(initial=0)) + 1)
         self.hold: Command | None = None
         self._nudged, self._now = 0, nudge(self.inputs, 0)
 
@@ -55,9 +55,9 @@ class PlantSide:
         if self.hold is None:
             self.hold = self.plant.hold()
         self._monitor.check(tick, exact)
-        self._past.append(exact)
-        age = min(int(self._delays[tick]), len(self._past) - 1)
-        return self._sensed(self._past[-1 - age], tick), self.plant.truth(disturbance)
+        self.past.append(exact)
+        age = min(int(self._delays[tick]), len(self.past) - 1)
+        return self._sensed(self.past[-1 - age], tick), self.plant.truth(disturbance)
 
     def _nudge(self, tick: int) -> Nudge:
         if tick != self._nudged:
@@ -98,15 +98,15 @@ class ControlSide:
     def __init__(self, trial: Trial) -> None:
         self.trial = trial
         self.task: Task = make_task(trial)
-        self._references = references(trial)
+        self.references = references(trial)
         self._robot: Robot = trial.driver.robot
         self._k_ref = trial.driver.servo_gain
-        self._force_index = np.array([WRENCH_AXES.index(axis) for axis in self._robot.axes])
-        self._smoothing = 1.0 - np.exp(-2.0 * np.pi * trial.task.velocity_cutoff * trial.period)
-        self._last_position: Array | None = None
+        self.force_index = np.array([WRENCH_AXES.index(axis) for axis in self._robot.axes])
+        self.smoothing = 1.0 - np.exp(-2.0 * np.pi * trial.task.velocity_cutoff * trial.period)
+        self.last_position: Array | None = None
         self._last_tick = 0
-        self._velocity = np.zeros(self._robot.joints)
-        self._torque = np.zeros(self._robot.joints)
+        self.velocity = np.zeros(self._robot.joints)
+        self.torque = np.zeros(self._robot.joints)
         self.law: Law | None = None
 
     def control(self, tick: int, measurement: Measurement) -> Answer:
@@ -117,36 +117,45 @@ class ControlSide:
         state = self._observe(tick, measurement)
         if self.law is None:
             self.law = self.trial.controller.start(self.task, state)
-        reference = Reference(*(signal[tick] for signal in self._references))
-        wished = np.asarray(self.law.step(self.law.parameters, self.law.memory, state, reference), dtype=np.float64)
-        if wished.shape != self.task.torque_limit.shape:
-            raise PluginError(
-                f"controller '{self.trial.controller_name}': step returned an array {wished.shape}; "
-                f"the robot takes torques {self.task.torque_limit.shape}"
-            )
-        self._torque, finite = limited(wished, self.task.torque_limit)
-        if not finite:
-            raise Tripped(
-                f"tick {tick}: the torque of controller '{self.trial.controller_name}' is not finite: {wished}"
-            )
-        position = position_reference(self._torque, measurement.joint_position, self._k_ref)
-        return Answer(Command(self._torque, position), state, reference, self.law.memory)
+        reference = Reference(*(signal[tick] for signal in self.references))
+        wished = checked(self.law.step(self.law.parameters, self.law.memory, state, reference), self.trial)
+        self.torque = np.empty_like(wished)
+        if not limit(self.torque, wished, self.task.torque_limit):
+            raise Tripped(not_finite(tick, self.trial.controller_name, wished))
+        position = position_reference(self.torque, measurement.joint_position, self._k_ref)
+        return Answer(Command(self.torque, position), state, reference, self.law.memory)
 
     def _observe(self, tick: int, measurement: Measurement) -> State:
         q = measurement.joint_position
         # In real time a tick can be missed: a difference over two periods is no rate over one.
         gap = max(tick - self._last_tick, 1)
         elapsed, self._last_tick = gap * self.trial.period, tick
-        if self._last_position is None:
-            self._last_position, self._torque = q, measurement.applied_torque
-        smoothing = self._smoothing if gap == 1 else 1.0 - (1.0 - self._smoothing) ** gap
-        filter_velocity(self._velocity, q, self._last_position, elapsed, smoothing)
-        self._last_position = q
-        at = self._robot.kinematics(q, self._velocity)
+        if self.last_position is None:
+            self.last_position, self.torque = q, measurement.applied_torque
+        smoothing = self.smoothing if gap == 1 else 1.0 - (1.0 - self.smoothing) ** gap
+        filter_velocity(self.velocity, q, self.last_position, elapsed, smoothing)
+        self.last_position = q
+        at = self._robot.kinematics(q, self.velocity)
         return State(
-            q, self._velocity.copy(), at.position, at.velocity, at.jacobian, at.jacobian_rate, at.regressor,
-            measurement.wrench[self._force_index], self._torque, elapsed,
+            q, self.velocity.copy(), at.position, at.velocity, at.jacobian, at.jacobian_rate, at.regressor,
+            measurement.wrench[self.force_index], self.torque, elapsed,
         )  # fmt: skip
+
+
+def checked(torque: Any, trial: Trial) -> Array:
+    """Return a law's torque as an array. Raises PluginError if it is not one number for each joint."""
+    array, shape = np.asarray(torque, dtype=np.float64), (trial.driver.robot.joints,)
+    if array.shape != shape:
+        raise PluginError(
+            f"controller '{trial.controller_name}': step returned an array {array.shape}; "
+            f"the robot takes torques {shape}"
+        )
+    return array
+
+
+def not_finite(tick: int, controller: str, torque: Array) -> str:
+    """Return why a trial trips on such a torque."""
+    return f"tick {tick}: the torque of controller '{controller}' is not finite: {torque}"
 
 
 @kernel
@@ -156,9 +165,14 @@ def filter_velocity(velocity: Array, q: Array, last_q: Array, period: float, smo
 
 
 @kernel
-def limited(torque: Array, limit: Array) -> tuple[Array, bool]:
-    """Return `torque` (n,) within +- limit (n,) N m, and whether it was finite."""
-    return np.minimum(np.maximum(torque, -limit), limit), bool(np.all(np.isfinite(torque)))
+def limit(torque: Array, wished: Array, largest: Array) -> bool:
+    """Write `wished` (n,) within +- `largest` (n,) N m into `torque`, unless it is not finite; return whether it is."""
+    for i in range(wished.size):
+        if not np.isfinite(wished[i]):
+            return False
+    for i in range(wished.size):
+        torque[i] = min(max(wished[i], -largest[i]), largest[i])
+    return True
 
 
 def warm_up_plant(trial: Trial) -> None:
@@ -237,9 +251,17 @@ class Ending(NamedTuple):
 
 def drive(side: PlantSide, wire: Wire) -> Ending:
     """Run the trial from the driver's side, release the plant, and tell how it ended."""
-    tick = 0
     try:
-        while tick < side.trial.ticks:
+        return do_ticks(side, wire, 0, side.trial.ticks)
+    finally:
+        side.close()
+
+
+def do_ticks(side: PlantSide, wire: Wire, first: int, last: int) -> Ending:
+    """Do the ticks from `first` to `last` - 1, and tell how they ended."""
+    tick = first
+    try:
+        while tick < last:
             wire.wait(tick)
             measurement, truth = side.measure(tick)
             wire.publish(tick, measurement, truth)
@@ -249,6 +271,4 @@ def drive(side: PlantSide, wire: Wire) -> Ending:
         return Ending("tripped", str(trip), tick)
     except Stopped as stop:
         return Ending("aborted", str(stop), tick)
-    finally:
-        side.close()
     return Ending("completed", "", tick)

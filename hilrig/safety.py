@@ -13,9 +13,9 @@ from hilrig.trial import Limits
 class Monitor:
     """Watches one trial against its limits."""
 
-    def __init__(self, limits: Limits, period: float) -> None:
-        self._limits, self._period = limits, period
-        self._last: Array | None = None
+    def __init__(self, limits: Limits, period: float, last: Array | None = None) -> None:
+        """`last` is where the joints were at the tick before, (n,) rad; None before the first."""
+        self._limits, self._period, self._last = limits, period, last
 
     def check(self, tick: int, measurement: Measurement) -> None:
         """Raise Tripped if the measurement of `tick` is not finite or beyond a limit."""

@@ -32,7 +32,7 @@ class BulletPlant:
     """The arm in one trial."""
 
     def __init__(self, arm: PlanarArm, engine_contact: bool, substep: float, begin: Begin) -> None:
-        self._constants = arm.constants()
+        self._constants, self._dynamics = arm.constants(), arm.robot.dynamic_parameters()
         # Direct drive without friction is common, and the time of a call into a kernel counts.
         self._direct = arm.servo_gain is None and not any((*arm.coulomb, *arm.viscous))
         self._steps = max(1, int(np.ceil(begin.period / substep - 1e-9)))
@@ -81,7 +81,7 @@ class BulletPlant:
         return Truth(sight.joint_position, sight.joint_velocity, sight.position, sight.velocity, wrench, place)
 
     def _look(self) -> Sight:
-        return look(self._constants.geometry, self._constants.dynamics, *self._world.joints())
+        return look(self._constants.geometry, self._dynamics, *self._world.joints())
 
     def _force(self, disturbance: Nudge) -> Array:
         surface = surface_now(self._constants.surface, disturbance)

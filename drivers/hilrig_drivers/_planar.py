@@ -47,20 +47,20 @@ class PlanarArm:
     def constants(self) -> Constants:
         """Return the numbers that the kernels take."""
         return Constants(
-            self.robot.geometry(), self.robot.dynamic_parameters(), self.actuation.constants(),
-            np.array(self.coulomb), np.array(self.viscous), self.surface.constants(),
+            self.robot.geometry(), tuple(self.robot.dynamic_parameters().tolist()), self.actuation.constants(),
+            self.coulomb, self.viscous, self.surface.constants(),
         )  # fmt: skip
 
 
 class Constants(NamedTuple):
-    """What the forces on an arm depend on."""
+    """What the forces on an arm depend on. Numbers only: numba counts references to arrays, at every call."""
 
     geometry: Geometry
-    dynamics: Array
-    """theta of `Planar2r`, (9,)"""
+    dynamics: tuple[float, ...]
+    """theta of `Planar2r`, nine numbers"""
     servo: Servo
-    coulomb: Array
-    viscous: Array
+    coulomb: Pair
+    viscous: Pair
     surface: SurfaceState
     """Undisturbed"""
 
@@ -95,4 +95,3 @@ def tip_force(surface: SurfaceState, external: Array, position: Array, velocity:
 def friction(c: Constants, scale: float, joint: int, rate: float) -> float:
     """Return scale (f tanh(q'/eps) + b q') of one joint, N m."""
     return scale * (c.coulomb[joint] * np.tanh(rate / FRICTION_RATE) + c.viscous[joint] * rate)
-

@@ -8,11 +8,11 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from hilrig.actuation import holding_position, motor_torque
-from hilrig.contact import contact_force
-from hilrig.interfaces import Abilities, Begin, Parameter, PlantKernels
+from hilrig.contact import SurfaceState, contact_force
+from hilrig.interfaces import Abilities, Begin, Parameter, PlantKernels, Sight
 from hilrig.kernel import kernel
 from hilrig.signals import Array, Command, Measurement, Nudge, Truth
-from hilrig_drivers._planar import PLANT_INPUTS, Constants, PlanarArm, friction, planar_wrench, surface_now
+from hilrig_drivers._planar import PLANT_INPUTS, Constants, PlanarArm, friction, surface_now
 
 
 @dataclass(frozen=True)
@@ -57,14 +57,15 @@ class TwoLinkPlant:
 
     def kernels(self) -> PlantKernels:
         """Return the arm as kernels, from the state it is in."""
-        return PlantKernels(measure, truth, advance, self._model, self._state)
+        return PlantKernels(observe, advance, self._model, self._state)
 
     def measure(self, disturbance: Nudge) -> Measurement:
         """Return joint positions and the wrench the robot exerts."""
         if not self._begun:
             self._begun = True
             self._state[4:] = holding_torque(self._model, self._state, disturbance)
-        return measure(self._model, self._state, disturbance)
+        sight, _ = self._look(disturbance)
+        return Measurement(sight.joint_position, sight.wrench, sight.applied_torque)
 
     def advance(self, command: Command, disturbance: Nudge) -> None:
         """Integrate one period with the command held."""
@@ -79,7 +80,12 @@ class TwoLinkPlant:
 
     def truth(self, disturbance: Nudge) -> Truth:
         """Return the true state."""
-        return truth(self._model, self._state, disturbance)
+        sight, surface = self._look(disturbance)
+        return Truth(*sight[:5], surface)
+
+    def _look(self, disturbance: Nudge) -> tuple[Sight, float]:
+        sight = Sight(*(np.empty(6 if name == "wrench" else 2) for name in Sight._fields))
+        return sight, observe(self._model, self._state, disturbance, sight)
 
     def close(self) -> None:
         """Nothing to release."""
@@ -101,6 +107,20 @@ class Pose(NamedTuple):
     z2: float
 
 
+class Held(NamedTuple):
+    """What is held during a period."""
+
+    torque: Pair
+    """Commanded, N m"""
+    reference: Pair
+    """Commanded joint position, rad"""
+    surface: SurfaceState
+    """At the beginning of the period"""
+    push: Pair
+    """External force on the tip, N"""
+    friction_scale: float
+
+
 @kernel
 def pose(q1: float, q2: float) -> Pose:
     """Return the directions of the links."""
@@ -117,14 +137,19 @@ def jacobian(c: Constants, at: Pose) -> tuple[Pair, Pair, Pair]:
 
 
 @kernel
-def exerted(c: Constants, disturbance: Nudge, after: float, place: Pair, speed: Pair) -> Pair:
-    """Return F_e (x, z), contact plus external force, N, for the tip at `place` m with `speed` m/s.
+def exerted(surface: SurfaceState, push: Pair, after: float, place: Pair, speed: Pair) -> Pair:
+    """Return F_e (x, z), contact plus external force `push`, N, for the tip at `place` m with `speed` m/s.
 
     `after` (s) into the period the surface has moved on at its constant rate.
     """
-    surface = surface_now(c.surface, disturbance)
     normal, tangential = contact_force(surface, place[1] - after * surface.velocity, speed[1], speed[0])
-    return tangential + disturbance.tip_force[0], normal + disturbance.tip_force[1]
+    return tangential + push[0], normal + push[1]
+
+
+@kernel
+def touched(c: Constants, disturbance: Nudge) -> tuple[SurfaceState, Pair]:
+    """Return the surface as disturbed, and the external force on the tip, N."""
+    return surface_now(c.surface, disturbance), (disturbance.tip_force[0], disturbance.tip_force[1])
 
 
 @kernel
@@ -149,26 +174,24 @@ def holding_torque(model: Model, state: Array, disturbance: Nudge) -> Array:
     """Return the torque G + J^T F_e that holds the arm at rest, (2,) N m."""
     c, at = model.arm, pose(state[0], state[1])
     place, row_x, row_z = jacobian(c, at)
-    force, load = exerted(c, disturbance, 0.0, place, (0.0, 0.0)), weight(c, at)
+    force, load = exerted(*touched(c, disturbance), 0.0, place, (0.0, 0.0)), weight(c, at)
     return np.array([load[i] + row_x[i] * force[0] + row_z[i] * force[1] for i in range(2)])
 
 
 @kernel
-def rates(
-    model: Model, disturbance: Nudge, after: float, torque: Array, reference: Array, s: Four
-) -> tuple[Four, Pair]:
+def rates(model: Model, held: Held, after: float, s: Four) -> tuple[Four, Pair]:
     """Return the rate of the state `s`, `after` seconds into the period, and the motors' torque in N m."""
     c, (q1, q2, rate1, rate2) = model.arm, s
+    torque, reference, scale = held.torque, held.reference, held.friction_scale
     at = pose(q1, q2)
     place, row_x, row_z = jacobian(c, at)
     speed = (row_x[0] * rate1 + row_x[1] * rate2, row_z[0] * rate1 + row_z[1] * rate2)
-    force, load = exerted(c, disturbance, after, place, speed), weight(c, at)
+    force, load = exerted(held.surface, held.push, after, place, speed), weight(c, at)
     m11, m12, m22, h = inertia(c, at)
     coriolis1 = -h * rate2 * (2.0 * rate1 + rate2)
     coriolis2 = h * rate2 * rate2 if model.printed_coriolis else h * rate1 * rate1
     motor1 = motor_torque(c.servo, torque[0], reference[0], q1, rate1, load[0])
     motor2 = motor_torque(c.servo, torque[1], reference[1], q2, rate2, load[1])
-    scale = disturbance.joint_friction_scale
     net1 = motor1 - load[0] - coriolis1 - friction(c, scale, 0, rate1) - row_x[0] * force[0] - row_z[0] * force[1]
     net2 = motor2 - load[1] - coriolis2 - friction(c, scale, 1, rate2) - row_x[1] * force[0] - row_z[1] * force[1]
     determinant = m11 * m22 - m12 * m12
@@ -187,32 +210,29 @@ def along(s: Four, step: float, rate: Four) -> Four:
 def advance(model: Model, state: Array, disturbance: Nudge, torque: Array, reference: Array) -> None:
     """Move `state` (6,) on by one period, in place, by classical Runge-Kutta steps under a held command."""
     h = model.substep
+    surface, push = touched(model.arm, disturbance)
+    held = Held((torque[0], torque[1]), (reference[0], reference[1]), surface, push, disturbance.joint_friction_scale)
     s = (state[0], state[1], state[2], state[3])
     for i in range(model.steps):
-        k1, motor = rates(model, disturbance, i * h, torque, reference, s)
-        k2, _ = rates(model, disturbance, (i + 0.5) * h, torque, reference, along(s, 0.5 * h, k1))
-        k3, _ = rates(model, disturbance, (i + 0.5) * h, torque, reference, along(s, 0.5 * h, k2))
-        k4, _ = rates(model, disturbance, (i + 1) * h, torque, reference, along(s, h, k3))
+        k1, motor = rates(model, held, i * h, s)
+        k2, _ = rates(model, held, (i + 0.5) * h, along(s, 0.5 * h, k1))
+        k3, _ = rates(model, held, (i + 0.5) * h, along(s, 0.5 * h, k2))
+        k4, _ = rates(model, held, (i + 1) * h, along(s, h, k3))
         s = along(along(along(along(s, h / 6.0, k1), h / 3.0, k2), h / 3.0, k3), h / 6.0, k4)
         state[4], state[5] = motor
     state[0], state[1], state[2], state[3] = s
 
 
 @kernel
-def measure(model: Model, state: Array, disturbance: Nudge) -> Measurement:
-    """Return joint positions, the wrench the robot exerts, and the motors' last torque."""
-    now = truth(model, state, disturbance)
-    return Measurement(now.joint_position, now.wrench, state[4:].copy())
-
-
-@kernel
-def truth(model: Model, state: Array, disturbance: Nudge) -> Truth:
-    """Return the true state."""
+def observe(model: Model, state: Array, disturbance: Nudge, sight: Sight) -> float:
+    """Fill `sight` with the true state, the wrench the robot exerts and the motors' last torque."""
     c = model.arm
     place, row_x, row_z = jacobian(c, pose(state[0], state[1]))
     speed = (row_x[0] * state[2] + row_x[1] * state[3], row_z[0] * state[2] + row_z[1] * state[3])
-    force = exerted(c, disturbance, 0.0, place, speed)
-    return Truth(
-        state[:2].copy(), state[2:4].copy(), np.array(place), np.array(speed), planar_wrench(force[0], force[1]),
-        c.surface.position + disturbance.surface_offset,
-    )  # fmt: skip
+    force = exerted(*touched(c, disturbance), 0.0, place, speed)
+    sight.wrench[:] = 0.0
+    sight.wrench[0], sight.wrench[2] = force
+    for i in range(2):
+        sight.joint_position[i], sight.joint_velocity[i], sight.applied_torque[i] = state[i], state[2 + i], state[4 + i]
+        sight.position[i], sight.velocity[i] = place[i], speed[i]
+    return c.surface.position + disturbance.surface_offset

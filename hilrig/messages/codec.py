@@ -14,6 +14,7 @@ from importlib import resources
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hilrig.signals import Array
 
@@ -129,6 +130,15 @@ class Codec:
             self._check(payload)
         table = np.frombuffer(b"".join(payloads), self._dtype())
         return {name: np.ascontiguousarray(table[name]) for name, *_ in self._plan}
+
+    def pack_rows(self, values: Sequence[NDArray[Any]]) -> NDArray[np.uint8]:
+        """Return many messages at once, (N, size) bytes: one array per field in order, (N,) or (N, k)."""
+        zero = [0 if is_scalar else np.zeros(count) for _, count, _, is_scalar, _, _ in self._plan]
+        rows = np.repeat(np.frombuffer(self.pack(zero), np.uint8)[None, :], len(values[0]), axis=0)
+        table = rows.view(self._dtype())[:, 0]
+        for (name, *_), column in zip(self._plan, values, strict=True):
+            table[name] = column
+        return rows
 
     def _dtype(self) -> np.dtype[Any]:
         names, formats, offsets = [], [], []

@@ -129,7 +129,8 @@ class BagWriter:
         spans = [(chunk.message_start_time, chunk.message_end_time) for chunk in self._chunks] or [(0, 0)]
         return Statistics(
             attachment_count=0, metadata_count=0, schema_count=len(self._schemas), channel_count=len(self._channels),
-            channel_message_counts=self._counts, chunk_count=len(self._chunks), message_count=sum(self._counts.values()),
+            chunk_count=len(self._chunks), channel_message_counts=self._counts,
+            message_count=sum(self._counts.values()),
             message_start_time=min(start for start, _ in spans), message_end_time=max(end for _, end in spans),
         )  # fmt: skip
 

@@ -7,6 +7,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hilrig.messages.codec import Definition
 from hilrig.recording.bag_writer import BagWriter
 
@@ -24,14 +27,14 @@ class Account:
         self.gap_count = 0
         self._next = 0
 
-    def note(self, tick: int) -> None:
-        """Count a stored message of `tick` and any ticks missing before it."""
+    def note(self, tick: int, count: int = 1) -> None:
+        """Count `count` stored messages from `tick` on, and any ticks missing before it."""
         if tick > self._next:
             self.gap_count += 1
             if len(self.gaps) < MOST_GAPS:
                 self.gaps.append([self._next, tick - 1])
-        self._next = tick + 1
-        self.stored += 1
+        self._next = tick + count
+        self.stored += count
 
     def summary(self) -> dict[str, Any]:
         """Return sent, stored, lost (None where the sender never said) and the gaps, [first, last] tick each."""
@@ -74,6 +77,16 @@ class Recorder:
             account.stored += 1
             self.timing[name].append(payload)
         self._bag.write(name, payload, tick, self._period)
+
+    def store_rows(self, name: str, payloads: NDArray[np.uint8], ticks: NDArray[np.int64]) -> None:
+        """Record the messages of ticks that follow one another, (N, bytes)."""
+        if ticks.size:
+            self._accounts[name].note(int(ticks[0]), ticks.size)
+            self._bag.write_rows(name, payloads, ticks, self._period)
+
+    def end_block(self) -> None:
+        """Write what has been stored to the disk."""
+        self._bag.end_chunk()
 
     def sent(self, name: str, count: int) -> None:
         """Note how many messages the sender says it sent."""

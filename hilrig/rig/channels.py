@@ -8,10 +8,11 @@ for each would wake the logger four times a tick and cost the loop more than the
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hilrig.messages.codec import Codec, Definition, definition, extended
 from hilrig.recording.recorder import Channel
@@ -20,6 +21,7 @@ from hilrig.signals import Array, Measurement, Truth
 from hilrig.trial import Trial
 
 if TYPE_CHECKING:
+    from hilrig.compiled.tick import Block
     from hilrig.loop import Answer
 
 BATCH = 256
@@ -60,6 +62,7 @@ class Codecs:
         self._truth = Codec(definition("Truth"), {**joint, "position": m, "velocity": m, "wrench": 6})
         self._command = Codec(definition("Command"), {**joint, "position": n})
         internals = internals_definition(memory)
+        self._memory = list(memory.values())
         self._internals = Codec(internals, {field.name: m for field in internals.fields if field.size == 0})
 
     def state(self, tick: int, measurement: Measurement) -> bytes:
@@ -90,6 +93,21 @@ class Codecs:
         memory = (np.ravel(value) for value in answer.memory)
         values = (state.position, state.velocity, state.force, *answer.reference, *memory)
         return self._internals.pack((tick, tick * self._period, *values))
+
+    def rows(self, block: Block) -> Iterator[tuple[str, NDArray[np.int64], NDArray[np.uint8]]]:
+        """Yield (channel, ticks (N,), payloads (N, bytes)) of a block of ticks."""
+        track = block.track
+        sensed, acted = (block.first + np.arange(count) for count in track.done)
+        truth = (*track.truth[:5], track.surface)
+        for name, codec, signals in (("state", self._state, track.state), ("truth", self._truth, truth)):
+            yield name, sensed, self._packed(codec, sensed, signals)
+        yield "command", acted, self._packed(self._command, acted, track.command)
+        memory = np.split(track.memory, np.cumsum(self._memory)[:-1], axis=1) if self._memory else ()
+        own = (track.position, track.velocity, track.force, *track.reference, *memory)
+        yield "internals", acted, self._packed(self._internals, acted, own)
+
+    def _packed(self, codec: Codec, ticks: NDArray[np.int64], signals: Sequence[Any]) -> NDArray[np.uint8]:
+        return codec.pack_rows([ticks, ticks * self._period, *(signal[: ticks.size] for signal in signals)])
 
 
 class Stamps:

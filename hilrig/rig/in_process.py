@@ -6,8 +6,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from hilrig.compiled.tick import Block
+from hilrig.compiled.trial import CompiledTrial, can_compile, warm_up
 from hilrig.errors import Stopped
-from hilrig.loop import ControlSide, PlantSide, drive, warm_up_control, warm_up_plant
+from hilrig.loop import Answer, ControlSide, Ending, PlantSide, do_ticks, warm_up_control, warm_up_plant
 from hilrig.recording.recorder import Recorder
 from hilrig.recording.run_directory import trial_directory, write_json
 from hilrig.recording.timing import summarise
@@ -16,6 +18,9 @@ from hilrig.rig.clock import PROGRESS, Pacer
 from hilrig.rig.outcome import Outcome
 from hilrig.signals import Command, Measurement, Truth
 from hilrig.trial import Trial
+
+BLOCK = 1024
+"""Ticks of a compiled trial between two looks at the clock and for Ctrl-C"""
 
 
 class DirectWire:
@@ -35,6 +40,7 @@ class DirectWire:
         )
         self._moments = (0, 0)
         self._next_report = 0
+        self.last_answer: Answer
         self.sent: dict[str, int] = dict.fromkeys(recorder.summary(), 0)
 
     def wait(self, tick: int) -> None:
@@ -54,7 +60,7 @@ class DirectWire:
         self._store("state", self._codecs.state(tick, measurement))
         if truth is not None:
             self._store("truth", self._codecs.truth(tick, truth))
-        answer = self._control.control(tick, measurement)
+        self.last_answer = answer = self._control.control(tick, measurement)
         computed = time.monotonic_ns()
         self._store("command", self._codecs.command(tick, answer))
         self._store("internals", self._codecs.internals(tick, answer))
@@ -68,6 +74,18 @@ class DirectWire:
         batch = self._driver_stamps.note(tick, *self._moments, time.monotonic_ns(), 0)
         self._store("driver_timing", batch)
         return self._commands.pop(wanted, None)
+
+    def forget_times(self) -> None:
+        """Drop the times noted so far."""
+        self._driver_stamps.flush()
+        self._controller_stamps.flush()
+
+    def publish_block(self, block: Block) -> None:
+        """Record a block of ticks."""
+        for name, ticks, payloads in self._codecs.rows(block):
+            self._recorder.store_rows(name, payloads, ticks)
+            self.sent[name] += ticks.size
+        self._recorder.end_block()
 
     def end(self) -> None:
         """Record what is left."""
@@ -92,14 +110,46 @@ def run_in_process(
     directory = trial_directory(run, trial.id)
     warm_up_plant(trial)
     memory = warm_up_control(trial)
+    if trial.clock == "lockstep":
+        warm_up(trial)
     codecs, plant, control = Codecs(trial, memory), PlantSide(trial), ControlSide(trial)
     began = time.monotonic()
     with Recorder(directory, trial.period, channels(memory)) as recorder:
         wire = DirectWire(trial, control, recorder, codecs, report, stop)
         try:
-            ending = drive(plant, wire)
+            ending = _ticks(plant, control, wire)
         finally:
+            plant.close()
             wire.end()
         summary = recorder.summary()
         write_json(directory / "timing.json", summarise(trial.clock, recorder.timing))
     return Outcome.of(trial, *ending, time.monotonic() - began, summary)
+
+
+def _ticks(plant: PlantSide, control: ControlSide, wire: DirectWire) -> Ending:
+    """Do all ticks, and tell how they ended: one by one, or in blocks where plant and robot offer kernels."""
+    trial = plant.trial
+    if trial.clock == "realtime":
+        return do_ticks(plant, wire, 0, trial.ticks)
+    begun = do_ticks(plant, wire, 0, 1)
+    if begun.outcome != "completed":
+        return begun
+    if not can_compile(plant, control):
+        return do_ticks(plant, wire, 1, trial.ticks)
+    return _blocks(CompiledTrial(plant, control, wire.last_answer), wire)
+
+
+def _blocks(compiled: CompiledTrial, wire: DirectWire) -> Ending:
+    """Do the ticks after the first one in blocks. No tick has a time of its own then, so none is recorded."""
+    wire.forget_times()
+    ending = None
+    while ending is None:
+        tick = compiled.tick
+        try:
+            wire.wait(tick)
+            ending = compiled.do(BLOCK)
+        except Stopped as stop:
+            return Ending("aborted", str(stop), tick)
+        finally:
+            wire.publish_block(compiled.recent)
+    return ending

@@ -75,7 +75,7 @@ class Planar2r:
 
     def kernels(self) -> RobotKernels:
         """Return the kinematics as a kernel."""
-        return RobotKernels(kinematics, self._told())
+        return RobotKernels(fill_kinematics, self._told())
 
     def _told(self) -> Geometry:
         return self.geometry()._replace(printed_jacobian=self.jacobian == "printed")
@@ -149,31 +149,38 @@ def forward_kinematics(geometry: Geometry, q: Array) -> Array:
 @kernel
 def kinematics(geometry: Geometry, q: Array, rate: Array) -> Kinematics:
     """Return position, velocity, Jacobian, its rate, and the regressor at (q, q')."""
+    at = Kinematics(np.empty(2), np.empty(2), np.empty((2, 2)), np.empty((2, 2)), np.zeros((5, 2, 9)))
+    fill_kinematics(geometry, q, rate, at)
+    return at
+
+
+@kernel
+def fill_kinematics(geometry: Geometry, q: Array, rate: Array, at: Kinematics) -> None:
+    """Write `kinematics` into `at`; what is always zero in a regressor stays as it is."""
     l1, l2 = geometry.length_1, geometry.length_2
     s1, c1 = np.sin(q[0]), np.cos(q[0])
     s12, c12 = np.sin(q[0] + q[1]), np.cos(q[0] + q[1])
     w1, w12 = rate[0], rate[0] + rate[1]
-    position = np.array([l1 * c1 + l2 * c12, l1 * s1 + l2 * s12])
+    at.position[0], at.position[1] = l1 * c1 + l2 * c12, l1 * s1 + l2 * s12
+    j, d = at.jacobian, at.jacobian_rate
     if geometry.printed_jacobian:
-        jacobian = np.array([[s1 + s12, s12], [c12, c12 + c1]])
-        jacobian_rate = np.array([[c1 * w1 + c12 * w12, c12 * w12], [-s12 * w12, -s12 * w12 - s1 * w1]])
+        j[0, 0], j[0, 1], j[1, 0], j[1, 1] = s1 + s12, s12, c12, c12 + c1
+        d[0, 0], d[0, 1] = c1 * w1 + c12 * w12, c12 * w12
+        d[1, 0], d[1, 1] = -s12 * w12, -s12 * w12 - s1 * w1
     else:
-        jacobian = np.array([[-l1 * s1 - l2 * s12, -l2 * s12], [l1 * c1 + l2 * c12, l2 * c12]])
-        jacobian_rate = np.array(
-            [[-l1 * c1 * w1 - l2 * c12 * w12, -l2 * c12 * w12], [-l1 * s1 * w1 - l2 * s12 * w12, -l2 * s12 * w12]]
-        )
-    velocity = np.array(
-        [jacobian[0, 0] * w1 + jacobian[0, 1] * rate[1], jacobian[1, 0] * w1 + jacobian[1, 1] * rate[1]]
-    )
-    return Kinematics(position, velocity, jacobian, jacobian_rate, regressor(geometry, q, rate))
+        j[0, 0], j[0, 1], j[1, 0], j[1, 1] = -l1 * s1 - l2 * s12, -l2 * s12, l1 * c1 + l2 * c12, l2 * c12
+        d[0, 0], d[0, 1] = -l1 * c1 * w1 - l2 * c12 * w12, -l2 * c12 * w12
+        d[1, 0], d[1, 1] = -l1 * s1 * w1 - l2 * s12 * w12, -l2 * s12 * w12
+    at.velocity[0] = j[0, 0] * rate[0] + j[0, 1] * rate[1]
+    at.velocity[1] = j[1, 0] * rate[0] + j[1, 1] * rate[1]
+    fill_regressor(geometry, q, rate, at.regressor)
 
 
 @kernel
-def regressor(geometry: Geometry, q: Array, rate: Array) -> Array:
-    """Return R (5, 2, 9) of `Kinematics`: constant part, then the parts of v1, v2, a1, a2."""
-    r = np.zeros((5, 2, 9))
-    s2, c2 = np.sin(q[1]), np.cos(q[1])
+def fill_regressor(geometry: Geometry, q: Array, rate: Array, r: Array) -> None:
+    """Write R (5, 2, 9) of `Kinematics`, but for its zeros: constant part, then the parts of v1, v2, a1, a2."""
     gx, gz = geometry.gravity_x, geometry.gravity_z
+    s2, c2 = np.sin(q[1]), np.cos(q[1])
     r[0, 0, 3] = gx * np.sin(q[0]) - gz * np.cos(q[0])
     r[0, 0, 4] = gx * np.sin(q[0] + q[1]) - gz * np.cos(q[0] + q[1])
     r[0, 1, 4] = r[0, 0, 4]
@@ -189,4 +196,3 @@ def regressor(geometry: Geometry, q: Array, rate: Array) -> Array:
     r[4, 0, 1], r[4, 0, 2] = c2, 1.0
     r[3, 1, 1], r[3, 1, 2] = c2, 1.0
     r[4, 1, 2] = 1.0
-    return r

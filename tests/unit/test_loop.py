@@ -22,7 +22,7 @@ from hilrig.loop import (
     PlantSide,
     drive,
     filter_velocity,
-    limited,
+    limit,
     memory_sizes,
     warm_up_control,
     warm_up_plant,
@@ -219,11 +219,13 @@ def test_position_servos_are_commanded_by_equation_26() -> None:
     np.testing.assert_allclose(command.position, measurement.joint_position + np.array([0.2, -0.1]))
 
 
-def test_limited_keeps_what_is_within() -> None:
-    torque, finite = limited(np.array([-5.0, 1.0, 5.0]), np.array([2.0, 2.0, 9.0]))
+def test_limit_keeps_what_is_within() -> None:
+    torque = np.zeros(3)
+    assert limit(torque, np.array([-5.0, 1.0, 5.0]), np.array([2.0, 2.0, 9.0]))
     np.testing.assert_array_equal(torque, [-2.0, 1.0, 5.0])
-    assert finite
-    assert not limited(np.array([np.nan, 0.0]), np.ones(2))[1]
+    for value in (np.nan, np.inf, -np.inf):
+        assert not limit(torque[:2], np.array([0.5, value]), np.ones(2))
+    np.testing.assert_array_equal(torque, [-2.0, 1.0, 5.0])
 
 
 def test_warm_up_tells_the_laws_memory_and_leaves_the_trial_alone() -> None:

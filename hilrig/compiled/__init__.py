@@ -1,0 +1,1 @@
+"""Trials that are compiled as a whole, for `--in-process`."""
