@@ -1,0 +1,151 @@
+"""The compiled loop against the loop itself: the same bits, tick by tick, and the same endings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from builders import arm, surface, trial
+from hilrig_drivers.pybullet_arm import PybulletArm
+from hilrig_drivers.two_link import TwoLink
+
+from hilrig.actuation import Actuation
+from hilrig.compiled.trial import CompiledTrial, can_compile
+from hilrig.controllers.adaptive import Adaptive
+from hilrig.controllers.pd import Pd
+from hilrig.controllers.sliding_mode import SlidingMode
+from hilrig.controllers.tde_sliding_mode import TdeSlidingMode
+from hilrig.disturbances.force_sine import ForceSine
+from hilrig.disturbances.friction_step import FrictionStep
+from hilrig.disturbances.measurement_delay import MeasurementDelay
+from hilrig.disturbances.sensor_noise import SensorNoise
+from hilrig.disturbances.surface_motion import SurfaceMotion
+from hilrig.errors import PluginError
+from hilrig.interfaces import Law, Task
+from hilrig.loop import Ending, PlantSide, do_ticks
+from hilrig.signals import Array, Reference, State
+from hilrig.trial import Limits, Trial
+from tests.unit.test_loop import Direct
+
+SERVO = Actuation("position_servo", stiffness=60.0)
+EVERYTHING = (
+    SensorNoise(force=0.05, joint=2e-5), MeasurementDelay(ticks=3, at=0.05, until=0.15), ForceSine(0.5, 9.0, "x"),
+    SurfaceMotion(0.002, 5.0), FrictionStep(2.0, at=0.1),
+)  # fmt: skip
+
+
+class Kept(NamedTuple):
+    """What the law below remembers."""
+
+    sums: Array
+    """(2, 2): not one-dimensional, as a user's memory may be"""
+
+
+@dataclass(frozen=True)
+class Numpy:
+    """A law in plain Python that keeps the states it was given: they must not change later."""
+
+    fault: str = ""
+
+    def start(self, task: Task, state: State) -> Law:
+        given: list[State] = []
+
+        def step(parameters: object, memory: Kept, state: State, reference: Reference) -> Any:
+            given.append(state)
+            memory.sums[:] += np.outer(state.position, given[0].position)
+            force = 300.0 * (reference.position - state.position) - 20.0 * state.velocity + reference.force
+            torque = state.jacobian.T @ force + given[max(len(given) - 9, 0)].torque * 0.1
+            if self.fault and len(given) == 60:
+                return {"shape": torque[:1], "nan": torque * np.nan}[self.fault]
+            return torque
+
+        return Law(step, None, Kept(np.zeros((2, 2))))
+
+
+def compared(subject: Trial, block: int = 37) -> tuple[Ending, Ending]:
+    """Run a trial both ways, assert that all signals are the same bits, and return both endings."""
+    slow = PlantSide(subject), Direct(subject)
+    expected = do_ticks(*slow, 0, subject.ticks)
+    plant, wire = PlantSide(subject), Direct(subject)
+    do_ticks(plant, wire, 0, 1)
+    assert can_compile(plant, wire.control)
+    fast, ending, tick = CompiledTrial(plant, wire.control, wire.answers[0]), None, 1
+    while ending is None:
+        ending = fast.do(block)
+        track = fast.recent.track
+        assert fast.recent.first == tick
+        for row in range(track.done[0]):
+            for got, wanted in zip(track.state, slow[1].measured[tick + row], strict=True):
+                same(got[row], wanted)
+        for row in range(track.done[1]):
+            answer = slow[1].answers[tick + row]
+            same(track.command.torque[row], answer.command.torque)
+            same(track.command.position[row], answer.command.position)
+            for name in ("position", "velocity", "force"):
+                same(getattr(track, name)[row], getattr(answer.state, name))
+            for got, wanted in zip(track.reference, answer.reference, strict=True):
+                same(got[row], wanted)
+        tick += int(track.done[1])
+    if ending.outcome == "completed":
+        same(np.concatenate([part.ravel() for part in slow[1].control.law.memory]), track.memory[-1])
+        assert tick == subject.ticks
+    return ending, expected
+
+
+def same(got: Array, wanted: Array) -> None:
+    np.testing.assert_array_equal(np.ascontiguousarray(got).view(np.uint64), wanted.view(np.uint64))
+
+
+@pytest.mark.parametrize("law", [TdeSlidingMode(), Pd(), Adaptive(), SlidingMode(), Numpy()])
+@pytest.mark.parametrize("delay", [0, 1, 3])
+def test_every_law_gives_the_same_bits(law: Any, delay: int) -> None:
+    ending, expected = compared(trial(controller=law, actuation_delay=delay))
+    assert ending == expected
+    assert ending.ticks > 100
+
+
+@pytest.mark.parametrize("actuation", [Actuation(), SERVO])
+def test_the_same_bits_under_every_disturbance(actuation: Actuation) -> None:
+    driver = TwoLink(arm(jacobian="printed"), surface(), actuation, (0.1, 0.05), (0.02, 0.01), coriolis="printed")
+    ending, expected = compared(trial(driver, Numpy(), disturbances=EVERYTHING))
+    assert ending == expected
+    assert compared(trial(controller=Pd(), disturbances=EVERYTHING))[0].outcome == "completed"
+
+
+def test_blocks_of_any_length_are_one_trial() -> None:
+    for block in (1, 199, 1000):
+        assert compared(trial(), block)[0] == ("completed", "", 200)
+
+
+@pytest.mark.parametrize("limits", [Limits(tip_force=1.0), Limits(joint_velocity=0.02)])
+def test_it_trips_at_the_same_tick_for_the_same_reason(limits: Limits) -> None:
+    ending, expected = compared(trial(controller=Pd(), limits=limits, start_position=(0.1, 0.345)))
+    assert ending == expected
+    assert ending.outcome == "tripped"
+    assert 1 < ending.ticks < 200
+
+
+def test_a_torque_that_is_not_finite_ends_it_alike() -> None:
+    ending, expected = compared(trial(controller=Numpy("nan")))
+    assert ending == expected
+    assert "tick 59: the torque of controller 'mine' is not finite: [nan nan]" in ending.reason
+
+
+def test_what_was_done_before_a_fault_is_there() -> None:
+    subject = trial(controller=Numpy("shape"))
+    plant, wire = PlantSide(subject), Direct(subject)
+    do_ticks(plant, wire, 0, 1)
+    fast = CompiledTrial(plant, wire.control, wire.answers[0])
+    with pytest.raises(PluginError, match=r"step returned an array \(1,\); the robot takes torques \(2,\)"):
+        fast.do(200)
+    assert fast.recent.track.done.tolist() == [59, 58]
+
+
+def test_a_physics_engine_is_not_compiled() -> None:
+    subject = trial(PybulletArm(arm(), surface()))
+    plant, wire = PlantSide(subject), Direct(subject)
+    do_ticks(plant, wire, 0, 1)
+    assert not can_compile(plant, wire.control)
+    plant.close()
