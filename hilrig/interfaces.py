@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -30,7 +30,7 @@ PerAxis = float | tuple[float, ...]
 """A parameter given once for all axes, or once per axis."""
 
 
-def per_axis(value: PerAxis, size: int, name: str) -> Array:
+def per_axis(value: PerAxis | Array, size: int, name: str) -> Array:
     """Return the parameter `name` as an array (size,); a single number counts for all of them.
 
     Raises ValueError, naming it, if a list has another length.
@@ -87,6 +87,26 @@ class Controller(Protocol):
 
     def start(self, task: Task, state: State) -> Law:
         """Return the law for a trial that begins in `state`. Raises ValueError if a parameter does not fit the task."""
+        ...
+
+
+class DelayEstimation(NamedTuple):
+    """The numbers of a law with time delay estimation on which its bounds depend, one entry per task axis."""
+
+    inertia_estimate: Array
+    """Mhat, (m,) kg"""
+    position_gain: Array
+    """k_p, (m,) 1/s^2"""
+    velocity_gain: Array
+    """k_d, (m,) 1/s"""
+
+
+@runtime_checkable
+class DelayEstimating(Protocol):
+    """What a controller may offer, so that `hilrig check` and the report judge it by `hilrig.bounds`."""
+
+    def delay_estimation(self, axes: int) -> DelayEstimation:
+        """Return the law's numbers on m = `axes`. Raises ValueError if a parameter does not fit them."""
         ...
 
 

@@ -102,7 +102,7 @@ class ControlSide:
         self._robot: Robot = trial.driver.robot
         self._k_ref = trial.driver.servo_gain
         self.force_index = np.array([WRENCH_AXES.index(axis) for axis in self._robot.axes])
-        self.smoothing = 1.0 - np.exp(-2.0 * np.pi * trial.task.velocity_cutoff * trial.period)
+        self.smoothing = trial.velocity_smoothing
         self.last_position: Array | None = None
         self._last_tick = 0
         self.velocity = np.zeros(self._robot.joints)

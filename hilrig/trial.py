@@ -119,6 +119,11 @@ class Trial:
         """Number of ticks, N."""
         return self.tick_of(self.phases[-1].end)
 
+    @property
+    def velocity_smoothing(self) -> float:
+        """a = 1 - exp(-2 pi f_c l) of the joint velocity filter q' += a ((q - q_prev)/l - q')."""
+        return 1.0 - np.exp(-2.0 * np.pi * self.task.velocity_cutoff * self.period)
+
     def tick_of(self, time: float) -> int:
         """Return the tick at trial time `time` (s, a whole number of periods)."""
         return round(time / self.period)

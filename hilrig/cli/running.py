@@ -14,17 +14,26 @@ from hilrig.cli.application import RUNS, AsJson, ExperimentFile, Overrides, app,
 from hilrig.errors import ExperimentError
 
 if TYPE_CHECKING:
+    from hilrig.errors import Problem
     from hilrig.experiment import Experiment
+    from hilrig.plan.margins import Margins
     from hilrig.trial import Trial
 
 
 @app.command()
-def check(experiment: ExperimentFile, override: Overrides = None) -> None:
+def check(experiment: ExperimentFile, override: Overrides = None, as_json: AsJson = False) -> None:
     """Check an experiment file; starts nothing.
 
-    Says everything that is wrong, each with line, column, what is allowed and the nearest right name.
+    Says everything that is wrong, each with line, column, what is allowed and the nearest right name. Warns of bounds
+    of the paper that the experiment does not keep; a warning does not change the exit code.
     """
     loaded, trials = planned(experiment, override or [])
+    found, warnings = judged(loaded, trials)
+    if as_json:
+        listed = [{**(item.place._asdict() if item.place else {}), "message": item.message} for item in warnings]
+        print_json({"name": loaded.name, "trials": len(trials), "warnings": listed, "bounds": found.document()})
+        return
+    echo_warnings(warnings)
     duration = sum(trial.ticks * trial.period for trial in trials)
     names = ", ".join(loaded.controllers)
     typer.echo(f"{experiment}: ready to run")
@@ -99,6 +108,7 @@ def run(
     if jobs > 1 and loaded.clock == "realtime":
         raise ExperimentError("--jobs: trials in real time run one at a time, or they would disturb each other's clock")
 
+    echo_warnings(judged(loaded, trials)[1])
     from hilrig.rig.execution import Options, execute
     from hilrig.terminal import Display
 
@@ -136,3 +146,18 @@ def planned(path: Path, overrides: list[str]) -> tuple[Experiment, tuple[Trial, 
 
     loaded = load(path, overrides)
     return loaded, plan_trials(loaded)
+
+
+def judged(experiment: Experiment, trials: tuple[Trial, ...]) -> tuple[Margins, list[Problem]]:
+    """Return how far the trials keep the paper's bounds, and what to warn of."""
+    from hilrig.plan.caution import warnings
+    from hilrig.plan.margins import margins
+
+    found = margins(trials)
+    return found, warnings(experiment, found)
+
+
+def echo_warnings(warnings: list[Problem]) -> None:
+    """Print warnings on stderr, one a line."""
+    for warning in warnings:
+        typer.echo(str(warning._replace(message=f"warning: {warning.message}")), err=True)

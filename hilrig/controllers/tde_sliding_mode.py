@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from hilrig.impedance import advance_filter, joint_torque, task_force
-from hilrig.interfaces import Impedance, Law, Parameter, PerAxis, Task, per_axis
+from hilrig.interfaces import DelayEstimation, Impedance, Law, Parameter, PerAxis, Task, per_axis
 from hilrig.kernel import kernel
 from hilrig.signals import Array, Reference, State
 
@@ -60,6 +60,11 @@ class TdeSlidingMode:
             state.velocity.copy(),
         )  # fmt: skip
         return Law(step, constants, memory)
+
+    def delay_estimation(self, axes: int) -> DelayEstimation:
+        """Return Mhat, k_p and k_d."""
+        names = ("inertia_estimate", "position_gain", "velocity_gain")
+        return DelayEstimation(*(per_axis(getattr(self, name), axes, name) for name in names))
 
 
 class Constants(NamedTuple):

@@ -8,6 +8,7 @@ import numpy as np
 
 from hilrig.document import Keys
 from hilrig.errors import OutOfReach
+from hilrig.interfaces import DelayEstimating, DelayEstimation, per_axis
 from hilrig.signals import Array, State
 from hilrig.trial import Trial, UnusableReferenceError, inputs, make_task, sample_axis, start_joint_position
 
@@ -47,12 +48,12 @@ def check_workspace(trial: Trial) -> None:
     The path is the references in position axes and the surface, as it moves, in the force axis; it is
     looked at every 10 ms and at its extremes in every axis. Force references are sampled, too.
     """
-    path = _trajectory(trial)
+    path = trajectory(trial)
     start = np.array(trial.start_position)
     if not np.array_equal(start, path[0]):
         _check_point(trial, start, "the start", ("task", "start"))
     last = 0
-    for tick in _instants(trial, path):
+    for tick in instants(trial, path):
         try:
             _check_tick(trial, tick, path[tick])
         except MisfitError:
@@ -62,7 +63,7 @@ def check_workspace(trial: Trial) -> None:
         last = tick
 
 
-def _trajectory(trial: Trial) -> Array:
+def trajectory(trial: Trial) -> Array:
     """Return where the tip is meant to be at every tick, (N, m) m."""
     path = np.tile(np.array(trial.start_position), (trial.ticks, 1))
     for i, axis in enumerate(trial.axes):
@@ -74,7 +75,7 @@ def _trajectory(trial: Trial) -> Array:
     return path
 
 
-def _instants(trial: Trial, path: Array) -> list[int]:
+def instants(trial: Trial, path: Array) -> list[int]:
     """Return the ticks to look at: every 10 ms, and the extremes of every axis in every phase."""
     ticks = set(range(0, trial.ticks, max(1, round(CHECK_EVERY / trial.period))))
     for phase in trial.phases:
@@ -108,8 +109,26 @@ def check_controller(trial: Trial) -> None:
     """Raise MisfitError if the controller's parameters do not fit the task, by starting its law once."""
     try:
         trial.controller.start(make_task(trial), _at_rest(trial))
+        delay_estimation(trial)
     except ValueError as error:
         raise MisfitError(("controllers", trial.controller_name), str(error)) from error
+
+
+def delay_estimation(trial: Trial) -> DelayEstimation | None:
+    """Return the numbers of the controller's time delay estimation, one per axis; None if it offers none.
+
+    Raises ValueError, naming the field, if they are not one number per axis, or Mhat is not positive.
+    """
+    if not isinstance(trial.controller, DelayEstimating):
+        return None
+    given = trial.controller.delay_estimation(len(trial.axes))
+    if not isinstance(given, tuple) or len(given) != len(DelayEstimation._fields):
+        raise ValueError(f"delay_estimation returned {given!r}; it must return a DelayEstimation")
+    pairs = zip(DelayEstimation._fields, given, strict=True)
+    found = DelayEstimation(*(per_axis(value, len(trial.axes), f"delay_estimation: {name}") for name, value in pairs))
+    if not (np.isfinite(found.inertia_estimate).all() and (found.inertia_estimate > 0).all()):
+        raise ValueError(f"delay_estimation: inertia_estimate is {found.inertia_estimate}; it must be above 0 kg")
+    return found
 
 
 def _at_rest(trial: Trial) -> State:

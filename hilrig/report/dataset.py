@@ -77,6 +77,8 @@ class RunData:
     manifest: Document
     trials: tuple[TrialEntry, ...]
     experiment_text: str
+    bounds: Document
+    """What the plan says of the paper's bounds; empty in a plan made before it did"""
 
     @property
     def controllers(self) -> tuple[str, ...]:
@@ -110,6 +112,7 @@ def load_run(path: Path) -> RunData:
         read_manifest(path),
         tuple(_entry(path, document) for document in plan["trials"]),
         (path / "experiment.yaml").read_text(encoding="utf-8", errors="replace"),
+        plan.get("bounds", {}),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 from collections.abc import Mapping
@@ -15,14 +16,17 @@ import pandas as pd
 from hilrig.errors import RunDirectoryError
 from hilrig.recording.run_directory import DAMAGED, make_directory, write_json
 from hilrig.report.animation import animation
-from hilrig.report.comparison import Verdict, summarise, verdicts
+from hilrig.report.bounds_section import bounds_section
+from hilrig.report.comparison import summarise, verdicts
 from hilrig.report.dataset import RunData, TrialEntry, TrialSignals, align, load_run, read_channels
-from hilrig.report.expectations import Expected, judge
+from hilrig.report.expectations import judge
 from hilrig.report.figures import Drawn, comparison_figures
 from hilrig.report.internals import internals_figure
+from hilrig.report.loop_delay import loop_delays
 from hilrig.report.measures import all_metrics, measure, table
 from hilrig.report.page import Content, Shown, write_page
 from hilrig.report.saving import save
+from hilrig.signals import Array
 
 REPORTS = Path("reports")
 
@@ -36,6 +40,8 @@ class _Read:
     joints: Any
     """Joint positions, (N, n) rad, of a trial that is drawn"""
     source: str
+    loop_delays: Array | None
+    """Measured loop delays, (K,) s; None in lockstep, where they are what was set"""
 
 
 def make_report(run: Path, out: Path | None = None) -> Path:
@@ -60,8 +66,9 @@ def make_report(run: Path, out: Path | None = None) -> Path:
     content = Content(
         data, metrics, summarise(metrics), judged, expected, _figures(data, drawn, reads, folder),
         animation(_scene(drawn, reads), folder), sorted({read.source for read in reads.values()}), folder,
+        bounds_section(data, _loop_delays(data, reads)),
     )  # fmt: skip
-    write_json(folder / "summary.json", _summary(data, content.summary, judged, expected))
+    write_json(folder / "summary.json", _summary(content))
     return write_page(content)
 
 
@@ -101,7 +108,19 @@ def _read(trial: TrialEntry, keep: bool) -> _Read | None:
         return None
     rows = measure(trial, signals, all_metrics()) if trial.completed else []
     joints = channels["truth" if "truth" in channels else "state"]["joint_position"] if keep else None
-    return _Read(rows, signals if keep else None, joints, signals.source)
+    delays = None
+    if trial.document.get("clock") == "realtime" and "driver_timing" in channels:
+        delays = loop_delays(channels["driver_timing"], trial.document["actuation_delay"])
+    return _Read(rows, signals if keep else None, joints, signals.source, delays)
+
+
+def _loop_delays(data: RunData, reads: Mapping[str, _Read]) -> dict[str, list[Array]]:
+    """Return the measured loop delays of each controller's completed trials."""
+    found: dict[str, list[Array]] = {}
+    for trial in data.trials:
+        if trial.completed and trial.id in reads and (delays := reads[trial.id].loop_delays) is not None:
+            found.setdefault(trial.controller, []).append(delays)
+    return found
 
 
 def _figures(
@@ -133,20 +152,16 @@ def _scene(drawn: Mapping[str, Mapping[str, TrialEntry]], reads: Mapping[str, _R
     return None
 
 
-def _summary(
-    data: RunData,
-    summary: pd.DataFrame,
-    judged: Mapping[tuple[str, str, str, str], Verdict],
-    expected: list[Expected],
-) -> dict[str, Any]:
+def _summary(content: Content) -> dict[str, Any]:
     """Return the report's numbers for programs."""
     cells = [
         {"condition": cell[0], "phase": cell[1], "metric": cell[2], "axis": cell[3], **vars(verdict)}
-        for cell, verdict in judged.items()
+        for cell, verdict in content.verdicts.items()
     ]
-    values = json.loads(summary.to_json(orient="records") or "[]")
+    data, values = content.run, json.loads(content.summary.to_json(orient="records") or "[]")
     outcomes = [{"trial": trial.id, **trial.outcome} for trial in data.trials]
     return {
         "name": data.manifest.get("name"), "question": data.experiment.get("question"), "verdicts": cells,
-        "values": values, "expectations": [vars(item) for item in expected], "outcomes": outcomes,
+        "values": values, "expectations": [vars(item) for item in content.expected],
+        "bounds": dataclasses.asdict(content.bounds), "outcomes": outcomes,
     }  # fmt: skip

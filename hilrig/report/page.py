@@ -14,6 +14,7 @@ import pandas as pd
 from jinja2 import Environment, StrictUndefined
 
 from hilrig.recording.run_directory import messages_lost
+from hilrig.report.bounds_section import BoundsSection
 from hilrig.report.comparison import Verdict
 from hilrig.report.dataset import RunData, TrialEntry
 from hilrig.report.expectations import Expected
@@ -50,6 +51,7 @@ class Content:
     """Where positions and forces come from: "truth", "measurement" or both"""
     folder: Path
     """Where the report goes"""
+    bounds: BoundsSection
 
 
 def write_page(content: Content) -> Path:
@@ -80,6 +82,7 @@ def render_page(content: Content) -> str:
         tables=verdict_tables(content.summary, content.verdicts, run.controllers),
         figures=content.figures,
         animation=content.animation,
+        bounds=content.bounds,
         timing=[_timing(trial) for trial in run.trials],
         repeat_command=manifest.get("command", "not recorded"),
         definitions=[(kind, inspect.getdoc(type(metric)) or "") for kind, metric in all_metrics().items()],

@@ -17,6 +17,7 @@ from typing import Any, Protocol
 
 from hilrig.errors import describe
 from hilrig.experiment import Experiment
+from hilrig.plan.margins import margins
 from hilrig.recording.manifest import provenance
 from hilrig.recording.run_directory import create_run, trial_directory, write_json
 from hilrig.rig.in_process import run_in_process
@@ -61,7 +62,12 @@ def execute(
 
     Returns the run directory and the outcomes of the trials that were begun, in the plan's order.
     """
-    plan = {"experiment": experiment.to_document(), "trials": [trial.to_document() for trial in trials]}
+    plan = {
+        "experiment": experiment.to_document(),
+        "trials": [trial.to_document() for trial in trials],
+        # Written down here: a report is made where the robot's code may be absent.
+        "bounds": margins(trials).document(),
+    }
     run = create_run(options.out, experiment.name, source.read_bytes(), plan)
     manifest = _manifest(experiment, source, options)
     write_json(run / "manifest.json", manifest)

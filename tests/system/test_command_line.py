@@ -33,6 +33,28 @@ def test_every_experiment_that_comes_with_hilrig_is_ready_to_run(name: str) -> N
     assert "ready to run" in call("check", str(PROJECT / "experiments" / name))
 
 
+def test_a_warning_goes_to_stderr_and_changes_no_exit_code() -> None:
+    too_large = "controllers.proposed.inertia_estimate=1 kg"
+    result = CliRunner().invoke(app, ["check", str(PROJECT / "experiments" / "quickstart.yaml"), "--set", too_large])
+    assert result.exit_code == 0
+    assert "ready to run" in result.stdout
+    assert "warning" not in result.stdout
+    lines = result.stderr.splitlines()
+    assert len(lines) == 3
+    assert all(": warning: controller 'proposed': " in line for line in lines)
+    assert "Mhat = 1 kg is above 0.27 kg" in lines[1]
+
+
+def test_check_tells_programs_places_and_numbers() -> None:
+    result = CliRunner().invoke(app, ["check", str(PROJECT / "experiments" / "quickstart.yaml"), "--json"])
+    document = json.loads(result.stdout)
+    assert result.stderr == ""
+    (warning,) = document["warnings"]
+    assert (warning["line"], document["trials"]) == (27, 2)
+    limits = {c["bound"]: c["limit"] for c in document["bounds"]["estimators"]["proposed"]["checks"]}
+    assert limits["delay_best"] == pytest.approx(2.82e-3, rel=1e-3)
+
+
 def test_the_plan_lists_repeats_first() -> None:
     document = json.loads(call("plan", str(PROJECT / "experiments" / "handrail_comparison.yaml"), "--json"))
     ids = [trial["id"] for trial in document["trials"]]

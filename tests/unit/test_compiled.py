@@ -103,7 +103,7 @@ def same(got: Array, wanted: Array) -> None:
 def test_every_law_gives_the_same_bits(law: Any, delay: int) -> None:
     ending, expected = compared(trial(controller=law, actuation_delay=delay))
     assert ending == expected
-    assert ending.ticks > 100
+    assert ending.ticks > 20
 
 
 @pytest.mark.parametrize("actuation", [Actuation(), SERVO])
