@@ -73,7 +73,10 @@ def run(
         Literal["lockstep", "realtime"] | None, typer.Option(help="The clock, instead of what the experiment says.")
     ] = None,
     in_process: Annotated[
-        bool, typer.Option("--in-process", help="Without the bus: a trial is one process, the same bits.")
+        bool,
+        typer.Option(
+            "--in-process", help="Without the bus: all in this process, with --jobs a process for each trial."
+        ),
     ] = False,
     jobs: Annotated[int, typer.Option(help="Trials at a time.")] = 1,
     repeats: Annotated[int | None, typer.Option(help="Repeats, instead of what the experiment says.")] = None,
@@ -88,8 +91,8 @@ def run(
 
     Ctrl-C ends the trials in flight cleanly.
 
-    Exit code: 0 all trials completed and all expectations are met, 1 one did not or is not, 2 the experiment or the
-    call is wrong, 130 interrupted.
+    Exit code: 0 all trials completed and all expectations are met, 1 a trial did not complete or an expectation is not
+    met, 2 the experiment or the call is wrong, 130 interrupted.
     """
     overrides = [*(override or [])]
     overrides += [f"clock={clock}"] if clock else []
