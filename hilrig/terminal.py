@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Any
 
@@ -11,6 +12,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.table import Table
 from rich.text import Text
 
+from hilrig.report.expectations import Expected
 from hilrig.rig.outcome import Outcome
 from hilrig.trial import Trial
 
@@ -85,6 +87,20 @@ def outcome_line(outcome: Outcome) -> Text:
     else:
         line.append(f"  {outcome.reason}", style="default")
     return line
+
+
+def print_expectations(expected: Sequence[Expected]) -> None:
+    """Print on stdout which expectations are met: the value seen and the limit, a line each, never folded."""
+    rows = [("met" if item.met else "not met", item.subject, item.seen, item.limit, item.basis) for item in expected]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(Text(f"expected {sum(item.met for item in expected)} of {len(expected)} met"))
+    for item, (word, *cells) in zip(expected, rows, strict=True):
+        line = Text(f"  {word:{widths[0]}}", style="green" if item.met else "red")
+        subject, seen, limit, basis = cells
+        line.append(f"  {subject:{widths[1]}}  {seen:>{widths[2]}}  {limit:{widths[3]}}", style="default")
+        line.append(f"  ({basis})", style="dim")
+        console.print(line)
 
 
 def print_table(title: str, columns: dict[str, str], rows: list[list[str]]) -> None:

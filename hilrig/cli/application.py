@@ -73,14 +73,3 @@ def print_json(document: Any) -> None:
     from hilrig.recording.run_directory import to_json
 
     typer.echo(to_json(document))
-
-
-def echo_report(run: Path, out: Path | None) -> None:
-    """Make the report of `run` and print where it is."""
-    from hilrig.terminal import errors
-
-    with errors.status("making the report"):
-        from hilrig.report import make_report
-
-        page = make_report(run, out)
-    typer.echo(f"report   {page}")

@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from hilrig.cli.application import RUNS, AsJson, RunArgument, app, echo_report, find_run, print_json
+from hilrig.cli.application import RUNS, AsJson, RunArgument, app, find_run, print_json
+from hilrig.cli.results import Junit, make_room, tell_results
 from hilrig.errors import RunDirectoryError
 
 
@@ -17,9 +18,15 @@ def report_command(
     out: Annotated[
         Path | None, typer.Option(help="Directory for the report; default reports/<run>.", show_default=False)
     ] = None,
+    junit: Junit = None,
 ) -> None:
-    """Make a run's report again, from its directory alone."""
-    echo_report(find_run(run), out)
+    """Make a run's report again, from its directory alone, and list what was expected.
+
+    Exit code: 0 the report is made, whatever it says; 2 there is no such run, or nothing to report.
+    """
+    path = find_run(run)
+    make_room(junit)
+    tell_results(path, out, report=True, junit=junit)
 
 
 @app.command()

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from hilrig.cli.application import RUNS, AsJson, ExperimentFile, Overrides, app, echo_report, print_json
+from hilrig.cli.application import RUNS, AsJson, ExperimentFile, Overrides, app, print_json
+from hilrig.cli.results import Junit, make_room, tell_results
 from hilrig.errors import ExperimentError
 
 if TYPE_CHECKING:
@@ -81,7 +82,10 @@ def run(
         Literal["lockstep", "realtime"] | None, typer.Option(help="The clock, instead of what the experiment says.")
     ] = None,
     in_process: Annotated[
-        bool, typer.Option("--in-process", help="Without the bus: all in this process, the same bits.")
+        bool,
+        typer.Option(
+            "--in-process", help="Without the bus: all in this process, with --jobs a process for each trial."
+        ),
     ] = False,
     jobs: Annotated[int, typer.Option(help="Trials at a time.")] = 1,
     repeats: Annotated[int | None, typer.Option(help="Repeats, instead of what the experiment says.")] = None,
@@ -90,12 +94,14 @@ def run(
         bool, typer.Option("--fail-fast", help="Begin no further trial after one that did not complete.")
     ] = False,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Make the report at the end.")] = True,
+    junit: Junit = None,
 ) -> None:
-    """Run an experiment and make its report.
+    """Run an experiment, make its report, and list which of its expectations are met.
 
-    Ctrl-C ends the trial in flight cleanly.
+    Ctrl-C ends the trials in flight cleanly.
 
-    Exit code: 0 all trials completed, 1 one did not, 2 the experiment or the call is wrong, 130 interrupted.
+    Exit code: 0 all trials completed and all expectations are met, 1 a trial did not complete or an expectation is not
+    met, 2 the experiment or the call is wrong, 130 interrupted.
     """
     overrides = [*(override or [])]
     overrides += [f"clock={clock}"] if clock else []
@@ -103,12 +109,12 @@ def run(
     if jobs < 1:
         raise ExperimentError(f"--jobs: {jobs} trials at a time; 1 is the least")
     loaded, trials = planned(experiment, overrides)
-    if in_process and jobs > 1:
-        raise ExperimentError("--jobs: trials in one process run one at a time; leave out --in-process or --jobs")
     if jobs > 1 and loaded.clock == "realtime":
         raise ExperimentError("--jobs: trials in real time run one at a time, or they would disturb each other's clock")
 
+    make_room(junit)
     echo_warnings(judged(loaded, trials)[1])
+
     from hilrig.rig.execution import Options, execute
     from hilrig.terminal import Display
 
@@ -117,11 +123,11 @@ def run(
         directory, outcomes = execute(loaded, trials, experiment, options, display)
     completed = sum(outcome.completed for outcome in outcomes)
     typer.echo(f"run      {directory}  ({completed} of {len(trials)} trials completed)")
-    if report and completed:
-        echo_report(directory, None)
+    drawn = report and completed > 0
+    met = tell_results(directory, None, drawn, junit) if drawn or junit or loaded.expect else True
     if options.stop.is_set():
         raise typer.Exit(130)
-    if completed < len(trials):
+    if completed < len(trials) or not met:
         raise typer.Exit(1)
 
 

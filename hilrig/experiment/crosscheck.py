@@ -168,18 +168,24 @@ def _check_axes(given: Mapping[str, Any], axes: tuple[str, ...], path: Keys, nam
 
 
 def _check_expectation(experiment: Experiment, expectation: Expectation, index: int) -> Iterator[Finding]:
+    controllers = tuple(experiment.controllers)
     choices = {
-        "metric": plugins.kinds("metrics"),
-        "controller": tuple(experiment.controllers),
-        "phase": (*(phase.name for phase in experiment.phases), ALL_PHASES),
-        "axis": experiment.driver.robot.axes,
-        "condition": tuple(experiment.conditions),
+        "metric": ("metric", plugins.kinds("metrics")),
+        "controller": ("controller", controllers),
+        "minus": ("controller", controllers),
+        "phase": ("phase", (*(phase.name for phase in experiment.phases), ALL_PHASES)),
+        "axis": ("axis", experiment.driver.robot.axes),
+        "condition": ("condition", tuple(experiment.conditions)),
     }
-    for name, known in choices.items():
+    for name, (what, known) in choices.items():
         value = getattr(expectation, name)
         if value is not None and value not in known:
-            message = f"there is no {name} '{value}'{nearest(value, known)} (known: {', '.join(known)})"
+            message = f"there is no {what} '{value}'{nearest(value, known)} (known: {', '.join(known)})"
             yield Finding(("expect", index, name), message)
+    if expectation.minus == expectation.controller:
+        others = ", ".join(name for name in controllers if name != expectation.minus) or "none"
+        message = f"'{expectation.minus}' minus itself is always zero; name another controller (others: {others})"
+        yield Finding(("expect", index, "minus"), message)
     if expectation.below is None and expectation.above is None:
         yield Finding(("expect", index), "nothing is expected; give 'below' or 'above'")
 

@@ -52,10 +52,15 @@ class Phase:
 
 @dataclass(frozen=True)
 class Expectation:
-    """A measured limit: in every repeat the metric must be below or above a value, in the metric's unit."""
+    """A measured limit on a metric of one controller, or on its difference to the metric of another, `minus`.
+
+    The metric keeps the limit if it does so in every repeat. The difference keeps it if the 95 % interval of the mean
+    difference of pairs does; repeat i of the one and repeat i of the other are a pair.
+    """
 
     metric: Annotated[str, Parameter("", "kind of the metric")]
     controller: Annotated[str, Parameter("", "name of the controller")]
+    minus: Annotated[str | None, Parameter("", "controller whose metric is subtracted; default: none")] = None
     phase: Annotated[str, Parameter("", "name of a phase, or 'all'")] = ALL_PHASES
     axis: Annotated[str | None, Parameter("", "axis; default: every axis of the metric")] = None
     condition: Annotated[str | None, Parameter("", "condition; default: every one")] = None
@@ -83,7 +88,7 @@ class Experiment:
     actuation_delay: Annotated[int, Parameter("", "ticks from measurement to its command's effect", 0, 10)] = 1
     repeats: Annotated[int, Parameter("", "how often, each with its own seed", 1, 10_000)] = 1
     seed: Annotated[int, Parameter("", "of everything random", 0, 2**63 - 1)] = 0
-    expect: Annotated[tuple[Expectation, ...], Parameter("", "limits to report as met or not")] = ()
+    expect: Annotated[tuple[Expectation, ...], Parameter("", "limits that the run must keep")] = ()
     safety: Annotated[Limits, Parameter("", "where a trial is ended")] = field(default_factory=Limits)
     source: Document | None = field(default=None, compare=False, repr=False, metadata={"filled": True})
 

@@ -1,6 +1,8 @@
 """From a run directory to a page that answers the experiment's question. Needs nothing of the rig."""
 
-from hilrig.report.making import make_report
+from hilrig.report.junit import junit_xml
+from hilrig.report.making import make_report, write_report
+from hilrig.report.measuring import measure_run
 from hilrig.report.run_difference import compare, render
 
-__all__ = ["compare", "make_report", "render"]
+__all__ = ["compare", "junit_xml", "make_report", "measure_run", "render", "write_report"]

@@ -11,7 +11,7 @@ Cells are judged one by one, without correction for their number: about one in t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -29,8 +29,49 @@ def interval(differences: np.ndarray) -> tuple[float, float]:
     if n < 2 or not np.all(np.isfinite(differences)):
         return -np.inf, np.inf
     mean = float(np.mean(differences))
-    half = special.stdtrit(n - 1, 0.975) * float(np.std(differences, ddof=1)) / np.sqrt(n)
+    half = float(special.stdtrit(n - 1, 0.975) * np.std(differences, ddof=1) / np.sqrt(n))
     return mean - half, mean + half
+
+
+class Difference(NamedTuple):
+    """The mean difference of pairs, first minus second."""
+
+    mean: float
+    """NaN if there is no pair, or if both values of a pair are infinite or one is undefined"""
+    low: float
+    """Lower end of its 95 % interval; -inf if there are too few pairs to judge"""
+    high: float
+    """Upper end; +inf if there are too few pairs to judge"""
+    basis: str
+    """What the interval rests on"""
+
+
+def paired_difference(pairs: np.ndarray) -> Difference:
+    """Return the mean difference of `pairs` (n, 2), first minus second, with what it can be said to be at 95 %.
+
+    Pairs that are identical to the last bit have no spread: the interval is the difference itself. Other pairs have a
+    Student t interval from three on. A difference within rounding of the two values is none.
+    """
+    n = pairs.shape[0]
+    if n == 0:
+        return Difference(np.nan, -np.inf, np.inf, "no common repeat")
+    first, second = pairs[:, 0], pairs[:, 1]
+    with np.errstate(invalid="ignore"):
+        differences = np.where(np.isfinite(first) & _close(first, second), 0.0, first - second)
+        mean = float(np.mean(differences))
+    if n > 1 and np.all(pairs == pairs[0]):
+        return _exactly(float(differences[0]), f"{n} identical repeats")
+    if n < LEAST_PAIRS:
+        return Difference(mean, -np.inf, np.inf, f"{n} repeat{'s' * (n > 1)}")
+    if np.all(np.isinf(differences) & (differences == differences[0])):
+        return _exactly(mean, f"paired, n = {n}")
+    return Difference(mean, *interval(differences), f"paired, n = {n}")
+
+
+def _exactly(difference: float, basis: str) -> Difference:
+    """Return a difference without spread; an undefined one bounds nothing."""
+    bounds = (-np.inf, np.inf) if np.isnan(difference) else (difference, difference)
+    return Difference(difference, *bounds, basis)
 
 
 @dataclass(frozen=True)
@@ -67,20 +108,11 @@ def verdict(values: pd.DataFrame) -> Verdict:
 def _against(pairs: np.ndarray) -> tuple[bool, str]:
     """Judge pairs (n, 2) of a lower and another controller: whether the first wins, and the basis."""
     n = pairs.shape[0]
-    if n == 0:
-        return False, "no common repeat"
-    if np.all(_close(pairs[:, 0], pairs[:, 1])):
+    if n and np.all(_close(pairs[:, 0], pairs[:, 1])):
         return False, "tie"
-    if n == 1:
-        return False, "1 repeat"
-    difference = pairs[:, 1] - pairs[:, 0]
-    if np.all(pairs == pairs[0]):
-        return bool(difference[0] > 0), f"{n} identical repeats"
-    if n < LEAST_PAIRS:
-        return False, f"{n} repeats"
-    if np.all(np.isposinf(difference)) or interval(difference)[0] > 0:
-        return True, f"paired, n = {n}"
-    return False, "within the spread"
+    found = paired_difference(pairs[:, ::-1])
+    wins = found.low > 0
+    return wins, found.basis if wins or n < LEAST_PAIRS else "within the spread"
 
 
 def _close(a: np.ndarray, b: np.ndarray) -> np.ndarray:

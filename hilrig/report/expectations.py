@@ -1,67 +1,162 @@
-"""What the experiment expected, and whether it was so."""
+"""What the experiment expected, and whether it was so.
+
+The rule. A limit on a metric holds if every repeat keeps it. A limit on the difference of two controllers holds if the
+95 % interval of the mean paired difference lies wholly within it (`comparison.paired_difference`, as for the marks of
+the verdict table). Either must hold on every axis and under every condition, unless one is named, and every trial that
+it speaks of must have completed.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
+from hilrig.report.comparison import LEAST_PAIRS, Difference, paired_difference
 from hilrig.report.dataset import TrialEntry
 
-KEYS = ("metric", "controller", "phase", "axis", "condition")
+KEYS = ("metric", "phase", "axis", "condition")
+Rows = Sequence[Mapping[Any, Any]]
 
 
 @dataclass(frozen=True)
 class Expected:
-    """One expectation in one condition and axis."""
+    """One expectation and the value that decides it: the one nearest to the limit, or furthest beyond it."""
 
-    text: str
-    """The expectation in words"""
-    worst: float | None
-    """The value of the repeat that is nearest to the limit, or furthest beyond it; None if nothing was measured"""
+    subject: str
+    """What is limited, in words"""
+    limit: str
+    """The limit, in words"""
+    seen: str
+    """The value, in words"""
+    basis: str
+    """Where the value was seen, and what it rests on"""
     met: bool
     missing: int
     """Trials it speaks of that did not complete: with one missing it is not met"""
+    value: float | None
+    """The value in the metric's unit, for a difference the mean; None if nothing was measured"""
+    low: float | None
+    """Lower end of a difference's 95 % interval, infinite if it cannot be judged; None for the metric itself"""
+    high: float | None
+    """Upper end"""
+
+
+class _Limits(NamedTuple):
+    """Between what a value must lie; None where there is no limit."""
+
+    below: float | None
+    above: float | None
+
+    def beyond(self, low: float, high: float) -> float:
+        """Return how far what lies from `low` to `high` is beyond the nearer limit: negative within, inf for NaN."""
+        over = -math.inf if self.below is None else high - self.below
+        under = -math.inf if self.above is None else self.above - low
+        return math.inf if math.isnan(low) or math.isnan(high) else max(over, under)
+
+    def text(self, value: float) -> str:
+        """Return `value` with four digits, or as many as tell it from the limits."""
+        given = [limit for limit in self if limit is not None]
+        texts = (f"{value:.{digits}g}" for digits in range(4, 18))
+        return next(text for text in texts if all(_sides(float(text), x) == _sides(value, x) for x in given))
+
+
+def _sides(value: float, limit: float) -> tuple[bool, bool]:
+    return value < limit, value > limit
+
+
+class _Seen(NamedTuple):
+    """A value that is judged, and the ends between which it is known to lie."""
+
+    value: float
+    low: float
+    high: float
+    basis: str
 
 
 def judge(
     expectations: Sequence[Mapping[str, Any]], metrics: pd.DataFrame, trials: Sequence[TrialEntry]
 ) -> list[Expected]:
-    """Return each expectation with its worst value: it is met if every repeat of every condition and axis keeps it."""
+    """Return each expectation, as plan.json has them, with the value that decides it.
+
+    `metrics` is the tidy table of the completed trials, `trials` are all that were planned.
+    """
     return [_judge(expectation, metrics, trials) for expectation in expectations]
 
 
 def _judge(expectation: Mapping[str, Any], metrics: pd.DataFrame, trials: Sequence[TrialEntry]) -> Expected:
+    limits = _Limits(expectation.get("below"), expectation.get("above"))
     keys = [key for key in KEYS if expectation.get(key) is not None]
     rows = [row for row in metrics.to_dict("records") if all(row[key] == expectation[key] for key in keys)]
-    below, above = expectation.get("below"), expectation.get("above")
-    text = _text(expectation, str(rows[0]["unit"]) if rows else "")
+    unit = str(rows[0]["unit"]) if rows else ""
+    second = expectation.get("minus")
+    found = list(_differences(expectation, rows, limits, unit) if second else _values(expectation, rows))
+    worst = max(found, key=lambda seen: limits.beyond(seen.low, seen.high), default=None)
     missing = sum(not trial.completed and _speaks_of(expectation, trial) for trial in trials)
-    values = [float(row["value"]) for row in rows]
-    if not values:
-        return Expected(text, None, False, missing)
-    met = all((below is None or value < below) and (above is None or value > above) for value in values)
-    return Expected(text, max(values, key=partial(_beyond, below, above)), met and not missing, missing)
+    basis = [worst.basis] if worst else [] if missing else ["the metric has no value there"]
+    basis += [f"{missing} trial{'s' * (missing > 1)} not completed"] * (missing > 0)
+    return Expected(
+        subject=_subject(expectation),
+        limit=" and ".join(f"{word} {x:g} {unit}".strip() for word, x in limits._asdict().items() if x is not None),
+        seen=f"{limits.text(worst.value)} {unit}".strip() if worst else "nothing",
+        basis="; ".join(basis),
+        met=bool(found) and not missing and all(limits.beyond(seen.low, seen.high) < 0 for seen in found),
+        missing=missing,
+        value=worst.value if worst else None,
+        low=worst.low if worst and second else None,
+        high=worst.high if worst and second else None,
+    )
 
 
 def _speaks_of(expectation: Mapping[str, Any], trial: TrialEntry) -> bool:
-    return expectation["controller"] == trial.controller and expectation.get("condition") in (None, trial.condition)
+    named = (expectation["controller"], expectation.get("minus"))
+    return trial.controller in named and expectation.get("condition") in (None, trial.condition)
 
 
-def _beyond(below: float | None, above: float | None, value: float) -> float:
-    """Return how far `value` is beyond the nearer limit; negative within the limits, infinite for NaN."""
-    over = -math.inf if below is None else value - below
-    under = -math.inf if above is None else above - value
-    return math.inf if math.isnan(value) else max(over, under)
-
-
-def _text(expectation: Mapping[str, Any], unit: str) -> str:
-    limits = ((word, expectation.get(word)) for word in ("below", "above"))
-    bounds = " and ".join(f"{word} {limit:g} {unit}".strip() for word, limit in limits if limit is not None)
+def _subject(expectation: Mapping[str, Any]) -> str:
+    of = " minus ".join(expectation[key] for key in ("controller", "minus") if expectation.get(key))
     where = "".join(f", {expectation[key]}" for key in ("axis", "condition") if expectation.get(key))
-    subject = f"{expectation['metric']} of {expectation['controller']}, phase {expectation.get('phase', 'all')}"
-    return f"{subject}{where}: {bounds}"
+    return f"{expectation['metric']} of {of}, phase {expectation.get('phase', 'all')}{where}"
+
+
+def _values(expectation: Mapping[str, Any], rows: Rows) -> Iterator[_Seen]:
+    """Yield the metric in every repeat, under every condition and on every axis."""
+    own = [row for row in rows if row["controller"] == expectation["controller"]]
+    worst = f", worst of {len(own)}" if len(own) > 1 else ""
+    for row in own:
+        value = float(row["value"])
+        yield _Seen(value, value, value, f"{_place(row['condition'], row['axis'])}: repeat {row['repeat']}{worst}")
+
+
+def _differences(expectation: Mapping[str, Any], rows: Rows, limits: _Limits, unit: str) -> Iterator[_Seen]:
+    """Yield the mean paired difference under every condition and on every axis."""
+    cells: dict[tuple[str, str], tuple[dict[int, float], dict[int, float]]] = {}
+    for row in rows:
+        for side, key in enumerate(("controller", "minus")):
+            if row["controller"] == expectation[key]:
+                cell = cells.setdefault((row["condition"], row["axis"]), ({}, {}))
+                cell[side][row["repeat"]] = float(row["value"])
+    for (condition, axis), (first, second) in cells.items():
+        pairs = [(first[repeat], second[repeat]) for repeat in sorted(first.keys() & second.keys())]
+        found = paired_difference(np.array(pairs, dtype=np.float64).reshape(-1, 2))
+        basis = f"{_place(condition, axis)}: {_basis(found, len(pairs), limits, unit)}"
+        yield _Seen(found.mean, found.low, found.high, basis)
+
+
+def _basis(found: Difference, pairs: int, limits: _Limits, unit: str) -> str:
+    if pairs and math.isnan(found.mean):
+        return "the difference is undefined in a repeat"
+    if pairs < LEAST_PAIRS and math.isinf(found.high):
+        return f"{found.basis}, too few to judge a difference: it takes {LEAST_PAIRS}"
+    if found.low == found.high:
+        return found.basis
+    ends = f"{limits.text(found.low)} to {limits.text(found.high)} {unit}".strip()
+    return f"{found.basis}, 95 % interval {ends}"
+
+
+def _place(condition: str, axis: str) -> str:
+    return f"{condition}, {axis}" if axis else condition

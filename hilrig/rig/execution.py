@@ -23,6 +23,7 @@ from hilrig.recording.run_directory import create_run, trial_directory, write_js
 from hilrig.rig.in_process import run_in_process
 from hilrig.rig.outcome import Outcome
 from hilrig.rig.supervisor import run_on_bus
+from hilrig.rig.worker import run_in_worker
 from hilrig.trial import Trial
 
 
@@ -138,9 +139,11 @@ class _Work:
         """Run one trial; whatever goes wrong in it is its outcome, and the others go on."""
         report = partial(self._listener.progressed, trial)
         try:
-            if self._options.in_process:
-                return run_in_process(self._run, trial, report, self._options.stop.is_set)
-            return run_on_bus(self._run, trial, report, self._options.stop.is_set, slot)
+            if not self._options.in_process:
+                return run_on_bus(self._run, trial, report, self._options.stop.is_set, slot)
+            if self._options.jobs > 1:
+                return run_in_worker(self._run, trial, report, self._options.stop.is_set, slot)
+            return run_in_process(self._run, trial, report, self._options.stop.is_set)
         except Exception as error:
             log = trial_directory(self._run, trial.id) / "logs" / "supervisor.log"
             log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")

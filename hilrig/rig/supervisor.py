@@ -7,7 +7,6 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -19,6 +18,7 @@ from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.bus import Bus
 from hilrig.rig.child import Orders
 from hilrig.rig.cores import cores_for
+from hilrig.rig.launching import how_it_ended, launch
 from hilrig.rig.outcome import Outcome
 from hilrig.trial import Trial
 
@@ -37,11 +37,6 @@ WRITING = 60.0
 """s that the logger is given to write what it has"""
 STEP = 0.005
 """s between two looks at the children"""
-QUIET = {
-    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"),
-    "ZENOH_RUNTIME": f"({', '.join(f'{pool}: (worker_threads: 1)' for pool in ('rx', 'tx', 'app', 'acc', 'net'))})",
-}
-"""Environment of the children: a 1 ms process wants no thread pool beside it"""
 
 
 def run_on_bus(
@@ -92,13 +87,7 @@ class Rig:
             tuple(map(self._endpoint, listens)), tuple(map(self._endpoint, connects)),
             self._cores[role], self.trial.clock == "realtime", READY_TIMEOUT, os.getpid(),
         )  # fmt: skip
-        # -P: a folder of the working directory must not shadow a package. Its own session: Ctrl-C is the supervisor's.
-        command = [sys.executable, "-P", "-m", f"hilrig.rig.{role}_process", orders.to_json()]
-        with (self.directory / "logs" / f"{role}.log").open("wb") as log:
-            return subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
-                env={**os.environ, **QUIET},
-            )  # fmt: skip
+        return launch(self.directory, role, orders.to_json())
 
     def order(self, order: str, **details: Any) -> None:
         """Tell all children."""
@@ -222,10 +211,7 @@ class Watch:
         """A process ended without a word."""
         self._done[role] = {}
         if not self._verdict:
-            log = self._rig.directory / "logs" / f"{role}.log"
-            how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
-            last = _last_line(log)
-            self._conclude("failed", f"the {role} process {how}{': ' + last if last else ''} (see {log})")
+            self._conclude("failed", how_it_ended(self._rig.directory, role, code))
 
     def _check_tokens(self) -> None:
         """Across hosts no exit code tells that a process is gone; its liveliness token does."""
@@ -282,8 +268,3 @@ class Watch:
             time.sleep(STEP)
         self._hear()
         return True
-
-
-def _last_line(log: Path) -> str:
-    lines = [line for line in log.read_text(errors="replace").splitlines() if line.strip()]
-    return lines[-1].strip() if lines else ""

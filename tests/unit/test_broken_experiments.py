@@ -139,6 +139,14 @@ BROKEN: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "expected of nobody": (
         "period: 1 ms", "expect: [{metric: force_rmse, controller: §pdd, below: 1 N}]", ("'pdd'", "'pd'"),
     ),
+    "expected less nobody": (
+        "period: 1 ms", "expect: [{metric: force_rmse, controller: pd, minus: §pdd, below: 1 N}]",
+        ("no controller 'pdd'", "did you mean 'pd'"),
+    ),
+    "expected less itself": (
+        "period: 1 ms", "expect: [{metric: force_rmse, controller: pd, minus: §pd, below: 1 N}]",
+        ("'pd' minus itself is always zero", "others: none"),
+    ),
     "expected metric unknown": (
         "period: 1 ms", "expect: [{metric: §force_rms, controller: pd, below: 1 N}]", ("'force_rms'", "'force_rmse'"),
     ),

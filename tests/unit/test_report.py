@@ -30,6 +30,7 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, dict]
         {"metric": "position_rmse", "controller": name, "phase": "after", "below": below}
         for name, below in (("small", 0.1), ("small", 1e-6), ("large", 0.2))
     )
+    expect += ({**expect[0], "minus": "large", "below": 0.0},)
     run = make_run(folder / "run", SIZES, repeats=4, failed=("large.quiet.2",), expect=expect)
     return folder, *report(run, folder)
 
@@ -65,14 +66,21 @@ def test_the_page_answers(reported: tuple[Path, str, dict]) -> None:
 
 
 def test_the_page_says_which_expectations_are_met(reported: tuple[Path, str, dict]) -> None:
+    """RMS of 10 mm cos 3t over [0.5 s, 1 s]: 10 mm √(1/2 + (sin 6 − sin 3) / 6) = 6.56 mm, less half a sample."""
     _, page, summary = reported
-    assert [item["met"] for item in summary["expectations"]] == [True, False, False]
-    words = re.findall(r"position_rmse of (\w+), .* below (\S+) m</td><td>.*?</td><td .*?>(.*?)</td>", page)
-    assert words == [
-        ("small", "0.1", "met"),
-        ("small", "1e-06", "not met"),
-        ("large", "0.2", "not met (1 not completed)"),
-    ]
+    assert [item["met"] for item in summary["expectations"]] == [True, False, False, False]
+    row = r">position_rmse of ([\w ]+), phase after</td>" + r"<td.*?>(.*?)</td>" * 4
+    assert re.findall(row, page) == [
+        ("small", "below 0.1 m", "0.006549 m", "met", "quiet, x: repeat 0, worst of 4"),
+        ("small", "below 1e-06 m", "0.006549 m", "not met", "quiet, x: repeat 0, worst of 4"),
+        ("large", "below 0.2 m", "0.01965 m", "not met", "quiet, x: repeat 0, worst of 3; 1 trial not completed"),
+        ("small minus large", "below 0 m", "-0.0131 m", "not met",
+         "quiet, x: 3 identical repeats; 1 trial not completed"),
+    ]  # fmt: skip
+    assert "1 of 4 met" in page
+    rms = 0.01 * np.sqrt(np.mean(np.cos(3 * np.arange(0.5, 1.0, 1e-3)) ** 2))
+    difference = summary["expectations"][3]
+    assert difference["low"] == difference["high"] == difference["value"] == pytest.approx(-2 * rms)
 
 
 def test_a_failed_trial_is_listed_and_left_out(reported: tuple[Path, str, dict]) -> None:

@@ -1,0 +1,60 @@
+"""JUnit XML, which CI systems read: a test case for each trial and for each expectation.
+
+There is no standard; this keeps what the common readers share (testsuites > testsuite > testcase > failure, as Jenkins'
+junit-10.xsd has them). No time stamps: the same run makes the same file.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from xml.etree import ElementTree as ET
+
+from hilrig.report.dataset import RunData, TrialEntry
+from hilrig.report.expectations import Expected
+
+_NOT_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
+"""Characters that XML 1.0 cannot hold, not even escaped; a reason may quote anything."""
+
+
+def junit_xml(data: RunData, expected: Sequence[Expected]) -> str:
+    """Return the run as JUnit XML: one test suite, failures where a trial or an expectation failed."""
+    name = data.manifest["name"]
+    cases = [_trial(name, trial) for trial in data.trials] + [_expectation(name, item) for item in expected]
+    counts = {
+        "tests": str(len(cases)), "failures": str(sum(len(case) for case in cases)), "errors": "0", "skipped": "0",
+        "time": f"{sum(float(case.get('time', 0)) for case in cases):.3f}",
+    }  # fmt: skip
+    root = ET.Element("testsuites")
+    ET.SubElement(root, "testsuite", {"name": _clean(name), **counts}).extend(cases)
+    ET.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _trial(name: str, trial: TrialEntry) -> ET.Element:
+    case = _case(f"{name}.trials", trial.id, trial.outcome.get("wall_s", 0.0))
+    if not trial.completed:
+        outcome = trial.outcome["outcome"]
+        _fail(case, outcome, f"{outcome}: {trial.outcome.get('reason', '')}")
+    return case
+
+
+def _expectation(name: str, item: Expected) -> ET.Element:
+    case = _case(f"{name}.expect", f"{item.subject}: {item.limit}", 0.0)
+    if not item.met:
+        _fail(case, "not met", f"expected {item.limit}, seen {item.seen} ({item.basis})")
+    return case
+
+
+def _case(group: str, name: str, seconds: float) -> ET.Element:
+    return ET.Element("testcase", {"classname": _clean(group), "name": _clean(name), "time": f"{seconds:.3f}"})
+
+
+def _fail(case: ET.Element, kind: str, message: str) -> None:
+    failure = ET.SubElement(case, "failure", {"type": kind, "message": _clean(message)})
+    failure.text = _clean(message)
+
+
+def _clean(text: str) -> str:
+    """Return `text` with a replacement character for each one that XML cannot hold."""
+    return _NOT_XML.sub("\ufffd", text)

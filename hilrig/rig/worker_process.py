@@ -1,0 +1,49 @@
+"""A worker's process: one whole trial without the bus, told to stop and heard over one line."""
+
+from __future__ import annotations
+
+import json
+import sys
+import traceback
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from hilrig.errors import Stopped, describe
+from hilrig.recording.run_directory import read_trial
+from hilrig.rig.child import Signals
+from hilrig.rig.cores import pin
+from hilrig.rig.in_process import run_in_process
+from hilrig.rig.launching import log_of
+from hilrig.rig.outcome import Outcome
+
+
+def main() -> None:
+    """Run the trial that the command line names; say each tick reported, and at last the outcome."""
+    orders = json.loads(sys.argv[1])
+    run, line = Path(orders["run"]), Connection(orders["line"])
+    signals = Signals()
+    try:
+        signals.listen(orders["parent"])
+        pin(orders["cores"])
+        line.send(_outcome(run, orders["trial"], line))
+    except (Stopped, OSError) as end:  # OSError: nobody listens any more
+        print(f"stopped: {end}", flush=True)
+    finally:
+        signals.enough()
+
+
+def _outcome(run: Path, name: str, line: Connection) -> Outcome:
+    """Run the trial. Whatever is said on the line, or its end, means stop."""
+    trial = read_trial(run, name)
+    try:
+        return run_in_process(run, trial, line.send, line.poll)
+    except Stopped:
+        raise
+    except Exception as error:
+        traceback.print_exc()
+        log = log_of(run / "trials" / name, "worker")
+        return Outcome.of(trial, "failed", f"{describe(error)} (see {log})", 0, 0.0, {})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,68 @@
+"""Expectations as a user and a CI system see them: the list, the exit code, the JUnit file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+from tests.system.conftest import only_run
+
+TWO = "pd: {kind: pd}\n  softer: {kind: pd, stiffness: 500 N/m}"
+MET = """expect:
+  - {metric: force_rmse, controller: pd, below: 100 N}
+  - {metric: force_rmse, controller: pd, minus: softer, above: -100 N, below: 100 N}
+"""
+UNMET = MET + "  - {metric: force_rmse, controller: pd, below: 1 mN}\n"
+
+
+def test_met_and_unmet_are_listed_and_one_unmet_is_exit_1(hilrig, experiment, tmp_path: Path) -> None:
+    file = experiment(duration=0.2, controllers=TWO, more="repeats: 3\n" + UNMET)
+    done = hilrig("run", file, "--in-process", "--no-report", "--junit", "ci/hilrig.xml")
+    assert (done.returncode, done.stderr) == (1, "")
+    ran, head, *lines = done.stdout.splitlines()
+    assert ran.endswith("(6 of 6 trials completed)")
+    assert head == "expected 2 of 3 met"
+    assert [line.split("force_rmse")[0].strip() for line in lines] == ["met", "met", "not met"]
+    # Aligned, not folded, and without colours: one column begins at one place.
+    assert len({line.index("force_rmse") for line in lines}) == 1
+    assert {line.index(limit) for line, limit in zip(lines, ("below", "below", "below"), strict=True)} == {
+        lines[0].index("below")
+    }
+    assert "\x1b" not in done.stdout
+    assert "below 100 N and above -100 N" in lines[1]
+    assert "noisy, z: paired, n = 3, 95 % interval" in lines[1]
+    assert "below 0.001 N" in lines[2]
+    # Measured without a page.
+    assert (only_run(tmp_path) / "metrics.csv").exists()
+    assert not (tmp_path / "reports").exists()
+    (suite,) = ET.parse(tmp_path / "ci" / "hilrig.xml").getroot()
+    assert (suite.get("name"), suite.get("tests"), suite.get("failures")) == ("small", "9", "1")
+    # The report says the same of the same run, and has done what it was asked for.
+    again = hilrig("report", only_run(tmp_path).name, "--junit", "again.xml")
+    assert again.returncode == 0, again.stderr
+    assert again.stdout.splitlines()[1:] == [head, *lines]
+    assert (tmp_path / "again.xml").read_text() == (tmp_path / "ci" / "hilrig.xml").read_text()
+
+
+def test_all_met_is_exit_0_with_the_report_before_the_list(hilrig, experiment) -> None:
+    done = hilrig("run", experiment(duration=0.2, controllers=TWO, more="repeats: 3\n" + MET), "--in-process")
+    assert done.returncode == 0, done.stderr
+    assert [line.split()[0] for line in done.stdout.splitlines()] == ["run", "report", "expected", "met", "met"]
+
+
+def test_too_few_repeats_are_not_met_and_say_so(hilrig, experiment) -> None:
+    done = hilrig("run", experiment(duration=0.2, controllers=TWO, more=MET), "--in-process", "--no-report")
+    assert done.returncode == 1
+    assert "expected 1 of 2 met" in done.stdout
+    assert "1 repeat, too few to judge a difference: it takes 3" in done.stdout
+
+
+def test_without_a_completed_trial_nothing_is_met(hilrig, experiment, tmp_path: Path) -> None:
+    limits = "safety: {tip_force: 0.01 N}\n" + MET
+    done = hilrig("run", experiment(duration=0.2, controllers=TWO, more=limits), "--in-process", "--junit", "x.xml")
+    assert done.returncode == 1
+    assert "expected 0 of 2 met" in done.stdout
+    assert "2 trials not completed" in done.stdout
+    (suite,) = ET.parse(tmp_path / "x.xml").getroot()
+    assert [case.find("failure") is not None for case in suite] == [True] * 4
+    assert "tripped: " in (suite[0][0].get("message") or "")
