@@ -5,15 +5,13 @@ import pytest
 from builders import arm, impedance, reference, state
 
 from hilrig.impedance import (
-    POSITION_CLIP,
-    VELOCITY_CLIP,
     advance_filter,
     desired_acceleration,
     joint_torque,
     model_torque,
     task_force,
 )
-from hilrig.interfaces import Impedance
+from hilrig.interfaces import POSITION_CLIP, VELOCITY_CLIP, Impedance
 from hilrig.signals import State
 
 PERIOD = 1e-3

@@ -88,5 +88,5 @@ def test_step_is_the_law_written_again() -> None:
         wanted = Reference(*rng.normal(size=(4, 2), scale=0.3))
         expected = tde_again(again, now, wanted, impedance())
         np.testing.assert_allclose(law.step(law.parameters, law.memory, now, wanted), expected, rtol=1e-8, atol=1e-9)
-        np.testing.assert_allclose(law.memory.gains, again["alpha"], rtol=1e-12)
-    assert law.memory.gains[1] == 0.5, "the walk passed through the whole adaptation"
+        np.testing.assert_allclose(alphas(law.memory), again["alpha"], rtol=1e-12)
+    assert law.memory.alpha_2[0] == 0.5, "the walk passed through the whole adaptation"
