@@ -1,4 +1,4 @@
-"""The time delay estimation loop on one mass, written as the linear map of one period: an independent truth for stability.
+"""The time delay estimation loop on one mass as the linear map of one period: an independent truth for stability.
 
 A mass M on a straight line is driven by tau_k, held over each period l and `delay` samples late. The law is
 tau_k = Mhat (a_d + k_d e' + k_p e) + tau_{k-1} - Mhat (v_k - v_{k-1})/l without its robust term, and v is measured.
@@ -65,10 +65,8 @@ def period(loop: Loop, s: Array) -> Array:
     x, v, last_x, filtered, last_measured, p, w, last_a = s[:8]
     past = s[8:]
     length = loop.period
-    if loop.smoothing is None:
-        measured = v
-    else:
-        measured = filtered + loop.smoothing * ((x - last_x) / length - filtered)
+    smoothed = filtered + (loop.smoothing or 0.0) * ((x - last_x) / length - filtered)
+    measured = v if loop.smoothing is None else smoothed
     a = -loop.damping * measured - loop.stiffness * x
     w = w + length * a
     p = p + length * w

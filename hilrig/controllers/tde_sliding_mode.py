@@ -28,8 +28,8 @@ class TdeSlidingMode:
     lyapunov = transposed:  P solves A P + P A^T = -I: p12 = -1/2, p22 = (1 + k_p)/(2 k_d);
     feedback = positive:    u has -k_d e' - k_p e; P stays that of k_d, k_p > 0;
     switching = printed:    xi / mu while |xi| <= mu, tanh(xi) beyond, in place of tanh(xi / mu);
-    adaptation = printed:   alpha_1 falls only while xi moves inward and alpha_2, alpha_3 are at their floors, else holds.
-    preload = false:        the estimate starts from zero torque, not from the torque that holds the arm.
+    adaptation = printed:   alpha_1 falls only while xi moves inward and alpha_2, alpha_3 are at their floors.
+    The paper does not say where S_hat starts: from the torque that holds the arm, or with preload = false from zero.
     """
 
     inertia_estimate: Annotated[PerAxis, Parameter("kg", "Mhat, diagonal", 1e-5, 1e3, "log")] = 0.03
@@ -60,9 +60,10 @@ class TdeSlidingMode:
         """Return the law, its filter at the measured state and its estimate as `preload` says."""
         m = len(task.axes)
         sign = 1.0 if self.feedback == "negative" else -1.0
+        p12, p22 = self.surface_gains()
         constants = Constants(
             task.impedance, per_axis(self.inertia_estimate, m, "inertia_estimate"),
-            sign * self.position_gain, sign * self.velocity_gain, *self.surface_gains(),
+            sign * self.position_gain, sign * self.velocity_gain, p12, p22,
             self.robust_gain, self.boundary, self.growth, self.decay, np.array(self.gains_floor),
             self.estimator == "desired", self.switching == "printed", self.adaptation == "printed",
         )  # fmt: skip

@@ -61,8 +61,9 @@ def test_linear_map_has_the_roots_of_the_polynomial(delay: int) -> None:
 def test_lower_edge_is_what_routh_says() -> None:
     """Mhat > M l k_p/k_d with p_d, v_d from outside; a filter on the measured states raises it.
 
-    For short l the loop is tau' = (Mhat/l) (u - x''). Then M s^3 + (Mhat/l) (s^2 + k_d s + k_p) = 0, and with a_d = -b x'
-    M s^4 + (Mhat/l) (s^2 + k_d s + k_p) (s + b) = 0: stable for Mhat/(M l) > c^2 / ((k_d + b) c - k_p b), c = k_p + k_d b.
+    For short l the loop is tau' = (Mhat/l) (u - x''). Then M s^3 + (Mhat/l) (s^2 + k_d s + k_p) = 0, and with
+    a_d = -b x' it is M s^4 + (Mhat/l) (s^2 + k_d s + k_p) (s + b) = 0, stable for
+    Mhat/(M l) > c^2 / ((k_d + b) c - k_p b) with c = k_p + k_d b.
     """
     short, kp, kd, b = 1e-4, 150.0, 30.0, 10.0
 
