@@ -67,10 +67,11 @@ class TdeSlidingMode:
             self.robust_gain, self.boundary, self.growth, self.decay, np.array(self.gains_floor),
             self.estimator == "desired", self.switching == "printed", self.adaptation == "printed",
         )  # fmt: skip
+        alpha_1, alpha_2, alpha_3 = (np.array([alpha]) for alpha in self.gains_start)
         memory = Memory(
             state.position.copy(), state.velocity.copy(), np.zeros(m), np.zeros(m),
-            *(np.array([alpha]) for alpha in self.gains_start), np.zeros(m),
-            state.velocity.copy(), np.zeros(m), np.array([float(self.preload)]),
+            alpha_1, alpha_2, alpha_3, np.zeros(m), state.velocity.copy(), np.zeros(m),
+            np.array([float(self.preload)]),
         )  # fmt: skip
         return Law(step, constants, memory)
 
