@@ -8,11 +8,6 @@ from hilrig.interfaces import Impedance
 from hilrig.kernel import kernel
 from hilrig.signals import Array, Reference, State
 
-VELOCITY_CLIP = 0.1
-"""m/s: how far v_d may run from x' (anti-windup)"""
-POSITION_CLIP = 0.02
-"""m: how far p_d may run from x (anti-windup). At an obstacle one clip without the other fails."""
-
 
 @kernel
 def desired_acceleration(
@@ -44,7 +39,7 @@ def advance_filter(
     """Integrate p_d and v_d of eq. (5) by one period, in place, and return a_d (m,) m/s^2.
 
     With reference states the filter runs on p_d, v_d (an admittance); otherwise on the measured x, x' as printed.
-    Both integrals are kept near the measured state: v_d within x' +- 0.1 m/s, p_d within x +- 0.02 m.
+    Both integrals are kept near the measured state: v_d within x' +- velocity_clip, p_d within x +- position_clip.
     """
     if impedance.reference_states:
         acceleration = desired_acceleration(impedance, filter_position, filter_velocity, state.force, reference)
@@ -53,10 +48,10 @@ def advance_filter(
     for i in range(acceleration.size):
         speed = filter_velocity[i] + period * acceleration[i]
         v = state.velocity[i]
-        filter_velocity[i] = min(max(speed, v - VELOCITY_CLIP), v + VELOCITY_CLIP)
+        filter_velocity[i] = min(max(speed, v - impedance.velocity_clip), v + impedance.velocity_clip)
         place = filter_position[i] + period * filter_velocity[i]
         x = state.position[i]
-        filter_position[i] = min(max(place, x - POSITION_CLIP), x + POSITION_CLIP)
+        filter_position[i] = min(max(place, x - impedance.position_clip), x + impedance.position_clip)
     return acceleration
 
 

@@ -41,8 +41,14 @@ def per_axis(value: PerAxis | Array, size: int, name: str) -> Array:
     return np.ascontiguousarray(np.broadcast_to(array, (size,)))
 
 
+VELOCITY_CLIP = 0.1
+"""m/s: how far v_d may run from x' (anti-windup)"""
+POSITION_CLIP = 0.02
+"""m: how far p_d may run from x (anti-windup). At an obstacle one clip without the other fails."""
+
+
 class Impedance(NamedTuple):
-    """The desired dynamics, eq. (3), one entry per task axis."""
+    """The desired dynamics, eq. (3), one entry per task axis, and how its filter is kept from winding up."""
 
     sigma: Array
     """Diagonal of Sigma, (m,): 1 position-controlled, 0 force-controlled"""
@@ -54,6 +60,10 @@ class Impedance(NamedTuple):
     """K_d, (m,) N/m; unused in force-controlled axes"""
     reference_states: bool
     """Whether the filter runs on its own states p_d, v_d (True) or on the measured x, x' (False)"""
+    velocity_clip: float = VELOCITY_CLIP
+    """How far v_d may run from x', m/s; inf for any distance"""
+    position_clip: float = POSITION_CLIP
+    """How far p_d may run from x, m; inf for any distance"""
 
 
 class Task(NamedTuple):

@@ -12,6 +12,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from hilrig.interfaces import (
+    POSITION_CLIP,
+    VELOCITY_CLIP,
     Controller,
     Disturbance,
     Driver,
@@ -53,6 +55,8 @@ class TaskSpec:
     """What the impedance filter runs on: "measured" or "reference" states"""
     velocity_cutoff: float
     """f_c of the joint velocity filter, Hz"""
+    anti_windup: str = "clip"
+    """Whether the filter's p_d, v_d are kept near the measured state, "clip", or run free, "none\""""
 
     @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> TaskSpec:
@@ -225,12 +229,15 @@ def inputs(trial: Trial) -> Inputs:
 def make_impedance(task: TaskSpec, axes: tuple[str, ...]) -> Impedance:
     """Return the desired dynamics of a task on these axes."""
     sigma = np.array([0.0 if axis in task.force_axes else 1.0 for axis in axes])
+    free = task.anti_windup == "none"
     return Impedance(
         sigma,
         np.array(task.inertia),
         np.array(task.damping),
         np.array(task.stiffness),
         task.states == "reference",
+        np.inf if free else VELOCITY_CLIP,
+        np.inf if free else POSITION_CLIP,
     )
 
 

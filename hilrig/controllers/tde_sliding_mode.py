@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
@@ -23,8 +23,13 @@ class TdeSlidingMode:
     alpha_1' = k_1 |xi| while it is at or below its floor, or xi moves outward and alpha_2, alpha_3 are above theirs;
     alpha_1' = -k_2 |xi| otherwise, to zero at least; alpha_2' = -1/alpha_2, alpha_3' = -|xi|/alpha_3, to their floors.
 
-    Source: paper eqs. (8), (10), (11), (15), read so that they are stable: P solves the Lyapunov equation itself and
-    not its transpose, k_d and k_p are positive, (11) takes the measured acceleration, tanh takes xi / mu everywhere.
+    Source: paper eqs. (8), (10), (11), (15), read so that they are stable. What the paper prints instead is an option:
+    estimator = desired:    S_hat = J^-T tau_l - Mhat a_d,l, the desired acceleration one period ago;
+    lyapunov = transposed:  P solves A P + P A^T = -I: p12 = -1/2, p22 = (1 + k_p)/(2 k_d);
+    feedback = positive:    u has -k_d e' - k_p e; P stays that of k_d, k_p > 0;
+    switching = printed:    xi / mu while |xi| <= mu, tanh(xi) beyond, in place of tanh(xi / mu);
+    adaptation = printed:   alpha_1 falls only while xi moves inward and alpha_2, alpha_3 are at their floors.
+    The paper does not say where S_hat starts: from the torque that holds the arm, or with preload = false from zero.
     """
 
     inertia_estimate: Annotated[PerAxis, Parameter("kg", "Mhat, diagonal", 1e-5, 1e3, "log")] = 0.03
@@ -44,20 +49,29 @@ class TdeSlidingMode:
         0.5,
         0.5,
     )
+    estimator: Annotated[Literal["measured", "desired"], Parameter("", "acceleration in S_hat")] = "measured"
+    lyapunov: Annotated[Literal["solved", "transposed"], Parameter("", "equation that P solves")] = "solved"
+    feedback: Annotated[Literal["negative", "positive"], Parameter("", "of k_p e + k_d e'")] = "negative"
+    switching: Annotated[Literal["smooth", "printed"], Parameter("", "robust term at its boundary")] = "smooth"
+    adaptation: Annotated[Literal["complete", "printed"], Parameter("", "cases of alpha_1'")] = "complete"
+    preload: Annotated[bool, Parameter("", "whether S_hat starts from the holding torque")] = True
 
     def start(self, task: Task, state: State) -> Law:
-        """Return the law, its filter at the measured state and its estimate at the torque that holds the arm."""
+        """Return the law, its filter at the measured state and its estimate as `preload` says."""
         m = len(task.axes)
-        kp, kd = self.position_gain, self.velocity_gain
+        sign = 1.0 if self.feedback == "negative" else -1.0
+        p12, p22 = self.surface_gains()
         constants = Constants(
-            task.impedance, per_axis(self.inertia_estimate, m, "inertia_estimate"), kp, kd,
-            1 / (2 * kp), (1 + 1 / kp) / (2 * kd),
+            task.impedance, per_axis(self.inertia_estimate, m, "inertia_estimate"),
+            sign * self.position_gain, sign * self.velocity_gain, p12, p22,
             self.robust_gain, self.boundary, self.growth, self.decay, np.array(self.gains_floor),
+            self.estimator == "desired", self.switching == "printed", self.adaptation == "printed",
         )  # fmt: skip
-        zero = np.zeros(m)
+        alpha_1, alpha_2, alpha_3 = (np.array([alpha]) for alpha in self.gains_start)
         memory = Memory(
-            state.position.copy(), state.velocity.copy(), zero, zero.copy(), np.array(self.gains_start), zero.copy(),
-            state.velocity.copy(),
+            state.position.copy(), state.velocity.copy(), np.zeros(m), np.zeros(m),
+            alpha_1, alpha_2, alpha_3, np.zeros(m), state.velocity.copy(), np.zeros(m),
+            np.array([float(self.preload)]),
         )  # fmt: skip
         return Law(step, constants, memory)
 
@@ -65,6 +79,13 @@ class TdeSlidingMode:
         """Return Mhat, k_p and k_d."""
         names = ("inertia_estimate", "position_gain", "velocity_gain")
         return DelayEstimation(*(per_axis(getattr(self, name), axes, name) for name in names))
+
+    def surface_gains(self) -> tuple[float, float]:
+        """Return p12 (s^2) and p22 (s) of xi = p12 e + p22 e', the second row of P."""
+        kp, kd = self.position_gain, self.velocity_gain
+        if self.lyapunov == "transposed":
+            return -0.5, (1 + kp) / (2 * kd)
+        return 1 / (2 * kp), (1 + 1 / kp) / (2 * kd)
 
 
 class Constants(NamedTuple):
@@ -81,6 +102,10 @@ class Constants(NamedTuple):
     growth: float
     decay: float
     gains_floor: Array
+    estimates_from_desired: bool
+    """Whether S_hat takes a_d one period ago; else the measured acceleration"""
+    switches_as_printed: bool
+    adapts_as_printed: bool
 
 
 class Memory(NamedTuple):
@@ -94,12 +119,20 @@ class Memory(NamedTuple):
     """e = p_d - x, (m,) m"""
     sliding_variable: Array
     """xi, (m,) m"""
-    gains: Array
-    """alpha_1, alpha_2, alpha_3, (3,)"""
+    alpha_1: Array
+    """alpha_1, (1,)"""
+    alpha_2: Array
+    """alpha_2, (1,)"""
+    alpha_3: Array
+    """alpha_3, (1,)"""
     estimate: Array
     """S_hat, (m,) N"""
     last_velocity: Array
     """x' one period ago, (m,) m/s"""
+    last_desired_acceleration: Array
+    """a_d one period ago, (m,) m/s^2"""
+    torque_share: Array
+    """Share of the last torque that S_hat takes: 0 at the first tick without preload, else 1, (1,)"""
 
 
 @kernel
@@ -109,28 +142,56 @@ def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Ar
     e = memory.filter_position - state.position
     e_rate = memory.filter_velocity - state.velocity
     xi = c.p12 * e + c.p22 * e_rate
-    adapt(c, state.elapsed, memory.gains, xi, memory.sliding_variable)
+    adapt(c, state.elapsed, memory, xi)
     u = a_d + c.velocity_gain * e_rate + c.position_gain * e
-    u += c.robust_gain * np.sum(memory.gains) * np.tanh(xi / c.boundary)
-    acceleration = (state.velocity - memory.last_velocity) / state.elapsed
-    memory.estimate[:] = task_force(state.jacobian, state.torque) - c.inertia_estimate * acceleration
+    alpha = memory.alpha_1[0] + memory.alpha_2[0] + memory.alpha_3[0]
+    u += c.robust_gain * alpha * switching(c, xi)
+    estimate(c, memory, state)
     memory.tracking_error[:] = e
     memory.sliding_variable[:] = xi
     memory.last_velocity[:] = state.velocity
+    memory.last_desired_acceleration[:] = a_d
     return joint_torque(state.jacobian, c.inertia_estimate * u + memory.estimate)
 
 
 @kernel
-def adapt(c: Constants, elapsed: float, gains: Array, xi: Array, last_xi: Array) -> None:
-    """Move alpha (3,) on by `elapsed` (s), eq. (15), in place."""
-    floor = c.gains_floor
-    norm = np.sqrt(np.sum(xi * xi))
-    outward = np.sum(xi * (xi - last_xi)) > 0.0
-    if gains[0] <= floor[0] or (outward and gains[1] > floor[1] and gains[2] > floor[2]):
-        gains[0] += elapsed * c.growth * norm
+def estimate(c: Constants, memory: Memory, state: State) -> None:
+    """Set S_hat (m,) N, eq. (11), in `memory`."""
+    if c.estimates_from_desired:
+        acceleration = memory.last_desired_acceleration
     else:
-        gains[0] = max(gains[0] - elapsed * c.decay * norm, 0.0)
-    if gains[2] > floor[2]:
-        gains[2] = max(gains[2] - elapsed * norm / gains[2], floor[2])
-    if gains[1] > floor[1]:
-        gains[1] = max(gains[1] - elapsed / gains[1], floor[1])
+        acceleration = (state.velocity - memory.last_velocity) / state.elapsed
+    held = memory.torque_share[0] * task_force(state.jacobian, state.torque)
+    memory.estimate[:] = held - c.inertia_estimate * acceleration
+    memory.torque_share[0] = 1.0
+
+
+@kernel
+def switching(c: Constants, xi: Array) -> Array:
+    """Return what stands for the sign of xi, (m,)."""
+    if not c.switches_as_printed:
+        return np.tanh(xi / c.boundary)
+    return np.tanh(xi) if norm(xi) > c.boundary else xi / c.boundary
+
+
+@kernel
+def adapt(c: Constants, elapsed: float, memory: Memory, xi: Array) -> None:
+    """Move alpha on by `elapsed` (s), eq. (15), in place; `memory` has xi of the last tick."""
+    floor, size = c.gains_floor, norm(xi)
+    outward = np.sum(xi * (xi - memory.sliding_variable)) > 0.0
+    alpha_1, alpha_2, alpha_3 = memory.alpha_1[0], memory.alpha_2[0], memory.alpha_3[0]
+    above_2, above_3 = alpha_2 > floor[1], alpha_3 > floor[2]
+    if alpha_1 <= floor[0] or (outward and above_2 and above_3):
+        memory.alpha_1[0] = alpha_1 + elapsed * c.growth * size
+    elif not c.adapts_as_printed or not (outward or above_2 or above_3):
+        memory.alpha_1[0] = max(alpha_1 - elapsed * c.decay * size, 0.0)
+    if above_3:
+        memory.alpha_3[0] = max(alpha_3 - elapsed * size / alpha_3, floor[2])
+    if above_2:
+        memory.alpha_2[0] = max(alpha_2 - elapsed / alpha_2, floor[1])
+
+
+@kernel
+def norm(vector: Array) -> float:
+    """Return the Euclidean norm of a vector (m,)."""
+    return np.sqrt(np.sum(vector * vector))

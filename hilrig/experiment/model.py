@@ -22,6 +22,9 @@ class ImpedanceSpec:
     damping: Annotated[PerAxis, Parameter("N*s/m", "B_d", 0.0, 1e6, "log")]
     stiffness: Annotated[PerAxis, Parameter("N/m", "K_d; unused in force-controlled axes", 0.0, 1e7, "log")]
     states: Annotated[Literal["measured", "reference"], Parameter("", "what the impedance filter runs on")] = "measured"
+    anti_windup: Annotated[
+        Literal["clip", "none"], Parameter("", "whether the filter's p_d, v_d are kept near the measured state")
+    ] = "clip"
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,7 @@ def task_spec(experiment: Experiment) -> TaskSpec:
 
     return TaskSpec(
         task.force_axes, diagonal("inertia"), diagonal("damping"), diagonal("stiffness"),
-        task.impedance.states, task.velocity_cutoff,
+        task.impedance.states, task.velocity_cutoff, task.impedance.anti_windup,
     )  # fmt: skip
 
 

@@ -23,8 +23,8 @@ from hilrig.controllers.adaptive import Adaptive
 from hilrig.controllers.pd import Pd
 from hilrig.controllers.sliding_mode import SlidingMode
 from hilrig.controllers.tde_sliding_mode import TdeSlidingMode
-from hilrig.impedance import POSITION_CLIP, VELOCITY_CLIP, advance_filter, model_torque
-from hilrig.interfaces import Controller, Law
+from hilrig.impedance import advance_filter, model_torque
+from hilrig.interfaces import POSITION_CLIP, VELOCITY_CLIP, Controller, Law
 from hilrig.signals import Array, Reference, State
 
 ARM = arm()

@@ -5,15 +5,13 @@ import pytest
 from builders import arm, impedance, reference, state
 
 from hilrig.impedance import (
-    POSITION_CLIP,
-    VELOCITY_CLIP,
     advance_filter,
     desired_acceleration,
     joint_torque,
     model_torque,
     task_force,
 )
-from hilrig.interfaces import Impedance
+from hilrig.interfaces import POSITION_CLIP, VELOCITY_CLIP, Impedance
 from hilrig.signals import State
 
 PERIOD = 1e-3
@@ -90,6 +88,24 @@ def test_the_filter_stays_near_the_measured_state(sign: float, reference_states:
         assert (np.abs(place - now.position) <= POSITION_CLIP + 1e-15).all()
     np.testing.assert_allclose(speed, -sign * VELOCITY_CLIP)
     np.testing.assert_allclose(place - now.position, -sign * POSITION_CLIP)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("reference_states", [False, True])
+def test_without_clips_the_filter_integrates_freely(sign: float, reference_states: bool) -> None:
+    """At a standing tip under a constant force, p_d and v_d go where the double integral goes."""
+    free = impedance(reference_states=reference_states)._replace(velocity_clip=np.inf, position_clip=np.inf)
+    now = resting((0.0, sign * 300.0))
+    place, speed = now.position.copy(), np.zeros(2)
+    for _ in range(1000):
+        advance_filter(free, PERIOD, place, speed, now, reference(position=now.position))
+    t, b = 1.0, 30.0 / 3.0
+    if reference_states:  # M v' + B v = -F
+        v, p = -100.0 / b * (1 - np.exp(-b * t)), -100.0 / b * (t - (1 - np.exp(-b * t)) / b)
+    else:  # the measured x' stays zero: no damping
+        v, p = -100.0 * t, -50.0 * t**2
+    assert speed[1] == pytest.approx(sign * v, rel=0.01)
+    assert place[1] - now.position[1] == pytest.approx(sign * p, rel=0.01)
 
 
 def test_task_force_and_joint_torque_are_inverse() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from hilrig.errors import ExperimentError
 from hilrig.experiment import load
+from hilrig.interfaces import POSITION_CLIP, VELOCITY_CLIP
 from hilrig.plan import plan
 from hilrig.trial import Limits, Trial, inputs, make_impedance, make_task, references, start_joint_position, times
 
@@ -146,6 +147,23 @@ def test_the_task_has_one_entry_an_axis(tmp_path: Path) -> None:
 def test_the_filter_runs_on_its_own_states_where_it_is_told_to(tmp_path: Path) -> None:
     trial = planned(tmp_path, TEXT, "task.impedance.states=reference")[0]
     assert make_impedance(trial.task, trial.axes).reference_states
+
+
+def test_the_filter_is_kept_near_the_measured_state_unless_it_is_told_not_to(tmp_path: Path) -> None:
+    kept = planned(tmp_path)[0]
+    desired = make_impedance(kept.task, kept.axes)
+    assert (desired.velocity_clip, desired.position_clip) == (VELOCITY_CLIP, POSITION_CLIP) == (0.1, 0.02)
+    free = planned(tmp_path, TEXT, "task.impedance.anti_windup=none")[0]
+    assert Trial.from_document(json.loads(json.dumps(free.to_document()))) == free
+    desired = make_impedance(free.task, free.axes)
+    assert (desired.velocity_clip, desired.position_clip) == (np.inf, np.inf)
+
+
+def test_a_plan_written_before_there_was_a_choice_of_anti_windup_has_it(tmp_path: Path) -> None:
+    trial = planned(tmp_path)[0]
+    document = trial.to_document()
+    del document["task"]["anti_windup"]
+    assert Trial.from_document(document) == trial
 
 
 def test_out_of_reach_names_the_first_tick_where_it_is(tmp_path: Path) -> None:
