@@ -18,10 +18,11 @@ from hilrig.report.animation import animation
 from hilrig.report.comparison import Verdict, summarise, verdicts
 from hilrig.report.dataset import RunData, TrialEntry, TrialSignals, align, load_run, read_channels
 from hilrig.report.expectations import Expected, judge
-from hilrig.report.figures import Drawn, comparison_figures
+from hilrig.report.figures import comparison_figures
 from hilrig.report.internals import internals_figure
 from hilrig.report.measures import all_metrics, measure, table
 from hilrig.report.page import Content, Shown, write_page
+from hilrig.report.panels import Drawn
 from hilrig.report.saving import save
 
 REPORTS = Path("reports")
