@@ -23,7 +23,7 @@ from hilrig.signals import Array
 
 WIDTH, PANEL, GAP = 3.5, 1.75, 0.5
 """One column of a paper, the height of a panel, and what is between two, inches"""
-TOP, BOTTOM, LEFT, RIGHT = 0.42, 0.4, 0.62, 0.1
+TOP, BOTTOM, LEFT, RIGHT = 0.4, 0.4, 0.75, 0.1
 """Margins, inches"""
 MEMORY = "memory."
 
@@ -35,6 +35,7 @@ class Content(NamedTuple):
     """What a figure shows."""
 
     curves: list[Curve]
+    """In the order of the legend"""
     references: list[Curve]
     label: str
     """Of the vertical axis, with its unit"""
@@ -85,8 +86,6 @@ def _content(spec: FigureSpec, trials: Trials, everyone: tuple[str, ...]) -> Con
         Curve("reference", longest.record.time, values, Style(REFERENCE, "-"))
         for values in found[name].references.values()
     ]
-    # The widest first, so that it hides no other.
-    curves.sort(key=lambda curve: -float(np.nanstd(np.diff(curve.values))))
     return Content(curves, references, first.label, first.unit, len(trials) == 1)
 
 
@@ -125,7 +124,8 @@ def _panel(axes: Axes, content: Content, span: tuple[float, float]) -> tuple[str
     references = [window(curve, *span) for curve in content.references]
     for curve in references:
         axes.plot(*thin(curve.time, curve.values), color=REFERENCE, linewidth=0.7, zorder=2)
-    for depth, curve in enumerate(curves):
+    # The widest first, so that it hides no other.
+    for depth, curve in enumerate(sorted(curves, key=lambda curve: -float(np.nanstd(np.diff(curve.values))))):
         draw(axes, curve, 3 + depth)
     if content.one_law:
         curves = [curves[0]._replace(values=np.concatenate([curve.values for curve in curves]))]
@@ -153,10 +153,10 @@ def _mark(axes: Axes, trials: Trials, everyone: tuple[str, ...]) -> None:
 
 
 def _legend(figure: Figure, content: Content, height: float) -> None:
-    """Name the curves above the panels, in the order of their names."""
+    """Name the curves above the panels."""
     handles = [
         Line2D([], [], color=curve.style.colour, linestyle=curve.style.dash, label=curve.label)
-        for curve in sorted(content.curves, key=lambda curve: curve.label)
+        for curve in content.curves
     ]
     if content.references:
         handles.insert(0, Line2D([], [], color=REFERENCE, linewidth=0.7, label="reference"))

@@ -6,12 +6,23 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 import pandas as pd
 
 from hilrig.report.dataset import TrialEntry
 from hilrig.report.page import number
 from hilrig.report.verdict_table import shown_unit
-from hilrig.reproduction.claims import LEAST_PAIRS, Judgement, Result, all_of, difference, judge, paired, relative
+from hilrig.reproduction.claims import (
+    LEAST_PAIRS,
+    Judgement,
+    Range,
+    Result,
+    all_of,
+    difference,
+    judge,
+    paired,
+    relative,
+)
 from hilrig.reproduction.crosscheck import elsewhere
 from hilrig.reproduction.model import Claim, Part
 from hilrig.signals import Array
@@ -35,10 +46,19 @@ class Evidence:
     unit: str
     """Of the number; "" for a pure number"""
     judgement: Judgement
+    means: tuple[float, ...]
+    """Mean of the metric, and of the other value if there is one, over the same repeats"""
+    metric_unit: str
+
+    @property
+    def values(self) -> str:
+        """The means of what was measured, as people read them"""
+        factor, unit = shown_unit(self.metric_unit)
+        return " against ".join(f"{number(factor * mean)} {unit}".strip() for mean in self.means)
 
     @property
     def number(self) -> str:
-        """The number and its interval, as people read it"""
+        """The number that was judged and its interval, as people read it"""
         found = self.judgement
         if found.mean is None:
             return "–"
@@ -68,36 +88,40 @@ def judge_claims(claims: Sequence[Claim], tables: Tables, trials: Trials) -> lis
 
 
 def _judge_part(part: Part, tables: Tables, trials: Trials) -> Evidence:
-    values, unit = _values(part, tables)
-    subject, other = _subject(part), part.less_than or part.equals_within
-    if other is None:
-        numbers = pd.Series(values, dtype=float).sort_index().to_numpy()
-        limits = (_number(part.above, -math.inf), _number(part.below, math.inf))
-        return _evidence(part, (part,), subject, _limit(part, unit), unit, numbers, limits, tables, trials)
-    there = elsewhere(part, other)
-    mine, others = paired(values, _values(there, tables)[0])
-    against = _against(part, there)
-    if part.equals_within is not None:
-        fraction = part.equals_within.fraction
-        measured = f"{subject}, relative difference to {against}"
-        numbers, limits, claimed, unit = relative(mine, others), (-fraction, fraction), f"within ±{fraction:g}", ""
-    else:
-        times = part.less_than.times if part.less_than else 1.0
-        measured = f"{subject}, less {'' if times == 1 else f'{times:g} × '}that of {against}"
-        numbers, limits, claimed = difference(mine, others, times), (-math.inf, 0.0), "below 0"
-    return _evidence(part, (part, there), measured, claimed, unit, numbers, limits, tables, trials)
-
-
-def _evidence(
-    part: Part, places: tuple[Part, ...], measured: str, claimed: str, unit: str, numbers: Array,
-    limits: tuple[float, float], tables: Tables, trials: Trials,
-) -> Evidence:  # fmt: skip
-    """Judge the numbers; where they are too few, say what is missing."""
+    """Judge one part by the repeats that completed; where they are too few, say what is missing."""
+    values, metric_unit = _values(part, tables)
+    other = part.less_than or part.equals_within
+    places = (part,) if other is None else (part, elsewhere(part, other))
+    columns = paired(values, values if other is None else _values(places[-1], tables)[0])[: len(places)]
+    numbers, limits = _numbers(part, *columns)
     found = judge(numbers, limits)
     if found.pairs < LEAST_PAIRS:
         why = [text for place in places if (text := _missing(place, tables, trials))]
         found = replace(found, reason="; ".join(dict.fromkeys([found.reason, *why])))
-    return Evidence(part, measured, claimed, unit, found)
+    unit = "" if part.equals_within else metric_unit
+    means = tuple(float(np.mean(column)) for column in columns if column.size)
+    return Evidence(part, *_words(part, places, metric_unit), unit, found, means, metric_unit)
+
+
+def _numbers(part: Part, values: Array, others: Array | None = None) -> tuple[Array, Range]:
+    """Return the numbers (n,) that a part is judged by, and the range in which the claim puts them."""
+    if others is not None and part.equals_within:
+        return relative(values, others), (-part.equals_within.fraction, part.equals_within.fraction)
+    if others is not None and part.less_than:
+        return difference(values, others, part.less_than.times), (-math.inf, 0.0)
+    return values, (_number(part.above, -math.inf), _number(part.below, math.inf))
+
+
+def _words(part: Part, places: tuple[Part, ...], unit: str) -> tuple[str, str]:
+    """Return what is measured, and what is claimed of it."""
+    subject = _subject(part)
+    if part.equals_within:
+        fraction = part.equals_within.fraction
+        return f"{subject}, relative difference to {_against(*places)}", f"within ±{fraction:g}"
+    if part.less_than:
+        times = "" if part.less_than.times == 1 else f"{part.less_than.times:g} × "
+        return f"{subject}, less {times}that of {_against(*places)}", "below 0"
+    return subject, _limit(part, unit)
 
 
 def _values(part: Part, tables: Tables) -> tuple[dict[int, float], str]:

@@ -56,7 +56,7 @@ def _render(page: Page, name: str, escape: bool) -> str:
     environment.filters["cell"] = _cell
     environment.filters["reason"] = reason
     template = environment.from_string(resources.files("hilrig.reproduction").joinpath(name).read_text("utf-8"))
-    lost = [trial for trials in page.trials.values() for trial in trials if not trial.completed]
+    lost = [(name, trial) for name, trials in page.trials.items() for trial in trials if not trial.completed]
     return template.render(
         page=page, study=page.loaded.study, counts=counts(page.judged), style=STYLE, lost=lost,
         run_commands={name: _run_command(page, name) for name in page.loaded.experiments},

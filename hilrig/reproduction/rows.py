@@ -25,7 +25,9 @@ def claim_rows(judged: Sequence[Judged]) -> list[dict[str, Any]]:
                     **head,
                     "experiment": part.experiment, "condition": part.condition, "controller": part.controller,
                     "metric": part.metric, "axis": part.axis, "phase": part.phase, "measured": found.measured,
-                    "claimed": found.claimed, "mean": judgement.mean, "low": judgement.low, "high": judgement.high,
+                    "claimed": found.claimed, "value": found.means[0] if found.means else None,
+                    "against": found.means[1] if len(found.means) > 1 else None,
+                    "mean": judgement.mean, "low": judgement.low, "high": judgement.high,
                     "unit": found.unit, "repeats": judgement.pairs, "result": judgement.result,
                     "reason": judgement.reason,
                 }
