@@ -161,4 +161,4 @@ def _legend(figure: Figure, content: Content, height: float) -> None:
     if content.references:
         handles.insert(0, Line2D([], [], color=REFERENCE, linewidth=0.7, label="reference"))
     figure.legend(handles=handles, loc="upper left", ncols=min(3, len(handles)), borderaxespad=0, fontsize=7,
-                  bbox_to_anchor=(LEFT / WIDTH, 1 - 0.05 / height), columnspacing=1.2)  # fmt: skip
+                  bbox_to_anchor=(LEFT / WIDTH, 1 - 0.05 / height), columnspacing=1.0, handlelength=2.0)  # fmt: skip
