@@ -72,7 +72,7 @@ def judge(numbers: Array, claimed: Range) -> Judgement:
     low, high = (float(numbers[0]),) * 2 if identical else interval(numbers)
     if n < LEAST_PAIRS:
         return Judgement("cannot tell", mean, low, high, n, f"{n} of the {LEAST_PAIRS} repeats that are needed")
-    return Judgement(_side(low, high, claimed), mean, low, high, n, "identical repeats" if identical else "")
+    return Judgement(_side(low, high, claimed), mean, low, high, n, "the same in every repeat" if identical else "")
 
 
 def _side(low: float, high: float, claimed: Range) -> Result:

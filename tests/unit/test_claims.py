@@ -82,7 +82,7 @@ def test_with_too_few_repeats_one_cannot_tell(values: np.ndarray, claimed: tuple
 def test_identical_repeats_are_known_exactly() -> None:
     assert judge(np.full(LEAST_PAIRS, 0.999), BELOW).result == "reproduced"
     assert judge(np.full(LEAST_PAIRS, 1.0), BELOW).result == "not reproduced"
-    assert judge(np.full(LEAST_PAIRS, 0.5), BELOW).reason == "identical repeats"
+    assert judge(np.full(LEAST_PAIRS, 0.5), BELOW).reason == "the same in every repeat"
 
 
 @pytest.mark.parametrize(
