@@ -118,7 +118,7 @@ def run(
     from hilrig.rig.execution import Options, execute
     from hilrig.terminal import Display
 
-    options = Options(out, ["hilrig", *sys.argv[1:]], overrides, in_process, jobs, fail_fast, _interruptible())
+    options = Options(out, ["hilrig", *sys.argv[1:]], overrides, in_process, jobs, fail_fast, interruptible())
     with Display(len(trials)) as display:
         directory, outcomes = execute(loaded, trials, experiment, options, display)
     completed = sum(outcome.completed for outcome in outcomes)
@@ -131,7 +131,7 @@ def run(
         raise typer.Exit(1)
 
 
-def _interruptible() -> threading.Event:
+def interruptible() -> threading.Event:
     """Return an event that Ctrl-C or SIGTERM sets; a second Ctrl-C ends the program at once."""
     stop = threading.Event()
 

@@ -29,7 +29,7 @@ def load(path: Path, overrides: Iterable[str] = ()) -> Experiment:
         experiment = read(Experiment, source.data, Context(Path(path).resolve().parent))
         return replace(completed(experiment), source=source)
     except InvalidError as error:
-        raise ExperimentError(_problems(error.findings, source)) from error
+        raise ExperimentError(problems(error.findings, source)) from error
 
 
 def schema() -> dict[str, Any]:
@@ -37,8 +37,8 @@ def schema() -> dict[str, Any]:
     return json_schema(Experiment)
 
 
-def _problems(findings: Iterable[Finding], source: Document) -> list[Problem]:
-    """Return the findings in the order of the file."""
+def problems(findings: Iterable[Finding], source: Document) -> list[Problem]:
+    """Return the findings as problems, each with its place, in the order of the file."""
     problems = [Problem(source.place(*found.path, key=found.on_key), _as_written(found, source)) for found in findings]
     return sorted(problems, key=lambda problem: (problem.place or Place("", 0, 0))[1:])
 

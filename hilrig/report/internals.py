@@ -14,7 +14,7 @@ from hilrig import plugins
 from hilrig.errors import HilrigError
 from hilrig.report.curves import Curve, limits
 from hilrig.report.dataset import TrialEntry, TrialSignals
-from hilrig.report.figures import Picture, canvas, draw
+from hilrig.report.panels import Picture, canvas, draw
 from hilrig.report.style import COLOURS, RC, Style
 
 COLUMNS = 3

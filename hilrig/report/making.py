@@ -14,10 +14,11 @@ from hilrig.report.animation import animation
 from hilrig.report.bounds_section import bounds_section
 from hilrig.report.comparison import summarise, verdicts
 from hilrig.report.dataset import TrialEntry
-from hilrig.report.figures import Drawn, comparison_figures
+from hilrig.report.figures import comparison_figures
 from hilrig.report.internals import internals_figure
 from hilrig.report.measuring import Measured, measure_run
 from hilrig.report.page import Content, Shown, write_page
+from hilrig.report.panels import Drawn
 from hilrig.report.saving import save
 
 REPORTS = Path("reports")

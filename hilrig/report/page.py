@@ -21,6 +21,9 @@ from hilrig.report.expectations import Expected
 from hilrig.report.measures import all_metrics
 from hilrig.report.verdict_table import Cell, answer, verdict_tables
 
+STYLE = resources.files("hilrig.report").joinpath("page.css").read_text("utf-8")
+"""The look of every page: CSS"""
+
 
 @dataclass(frozen=True)
 class Shown:
@@ -68,6 +71,7 @@ def render_page(content: Content) -> str:
     template = environment.from_string(resources.files("hilrig.report").joinpath("page.html.j2").read_text("utf-8"))
     run, manifest = content.run, content.run.manifest
     return template.render(
+        style=STYLE,
         run=run,
         manifest=manifest,
         name=manifest.get("name") or run.path.resolve().name,

@@ -6,9 +6,10 @@ import base64
 from pathlib import Path
 
 import matplotlib as mpl
+from matplotlib.figure import Figure
 
-from hilrig.report.figures import Picture
 from hilrig.report.page import Shown
+from hilrig.report.panels import Picture
 from hilrig.report.style import RC
 
 LARGEST_INLINE = 1_000_000
@@ -18,16 +19,21 @@ LARGEST_INLINE = 1_000_000
 def save(picture: Picture, condition: str, folder: Path) -> Shown:
     """Write figures/<condition>_<name>.svg and .png; return the figure for the page."""
     stem = folder / "figures" / f"{condition}_{picture.name}"
+    return Shown(picture.name, picture.title, picture.caption, write_figure(picture.figure, stem), stem.name)
+
+
+def write_figure(figure: Figure, stem: Path) -> str:
+    """Write a figure as `stem`.svg and .png; return what stands in the page: the SVG, or if that is too large the PNG.
+
+    Without dates and versions in the files, the same data make the same bytes.
+    """
     with mpl.rc_context(RC):
-        # Without a date the same run makes the same file.
-        picture.figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
-        picture.figure.savefig(stem.with_suffix(".png"), dpi=200)
+        figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None, "Creator": None})
+        figure.savefig(stem.with_suffix(".png"), dpi=200, metadata={"Software": None})
     vector = stem.with_suffix(".svg").read_bytes()
     if len(vector) <= LARGEST_INLINE:
-        source = data_uri("image/svg+xml", vector)
-    else:
-        source = data_uri("image/png", stem.with_suffix(".png").read_bytes())
-    return Shown(picture.name, picture.title, picture.caption, source, stem.name)
+        return data_uri("image/svg+xml", vector)
+    return data_uri("image/png", stem.with_suffix(".png").read_bytes())
 
 
 def data_uri(kind: str, content: bytes) -> str:

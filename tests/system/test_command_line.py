@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from hilrig.cli.application import app
 from hilrig.errors import HilrigError
+from hilrig.reproduction import load_study
 from tests.system.conftest import PROJECT, only_run
 
 
@@ -28,7 +29,13 @@ def _verbs(monkeypatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.parametrize("name", sorted(path.name for path in (PROJECT / "experiments").glob("*.yaml")))
+EXPERIMENTS = [*(PROJECT / "experiments").glob("*.yaml"), *(PROJECT / "experiments" / "paper").glob("*.yaml")]
+
+
+@pytest.mark.parametrize(
+    "name",
+    sorted(str(path.relative_to(PROJECT / "experiments")) for path in EXPERIMENTS if path.name != "reproduce.yaml"),
+)
 def test_every_experiment_that_comes_with_hilrig_is_ready_to_run(name: str) -> None:
     assert "ready to run" in call("check", str(PROJECT / "experiments" / name))
 
@@ -53,6 +60,14 @@ def test_check_tells_programs_places_and_numbers() -> None:
     assert (warning["line"], document["trials"]) == (27, 2)
     limits = {c["bound"]: c["limit"] for c in document["bounds"]["estimators"]["proposed"]["checks"]}
     assert limits["delay_best"] == pytest.approx(2.82e-3, rel=1e-3)
+
+
+def test_the_study_of_the_paper_fits_its_experiments() -> None:
+    loaded = load_study(PROJECT / "experiments" / "paper" / "reproduce.yaml")
+    files = {path.name for path in (PROJECT / "experiments" / "paper").glob("*.yaml")}
+    assert {*loaded.study.experiments, "reproduce.yaml"} == files
+    assert {spec.figure for spec in loaded.study.figures} == {str(i) for i in range(4, 17)}
+    assert all(experiment.repeats >= 10 for experiment in loaded.experiments.values())
 
 
 def test_the_plan_lists_repeats_first() -> None:
@@ -97,6 +112,10 @@ def test_an_unknown_run_is_named() -> None:
         (("run", "{quickstart}", "--clock", "realtime", "--jobs", "2"), "--jobs"),
         (("kinds", "controlers"), "did you mean 'controllers'"),
         (("report", "none"), "there is no run"),
+        (("reproduce", "none.yaml"), "none.yaml"),
+        (("reproduce", "{quickstart}"), "unknown key 'name'"),
+        (("reproduce", "{quickstart}", "--set", "repeats=2"), "give --out"),
+        (("reproduce", "{quickstart}", "--jobs", "0"), "1 is the least"),
     ],
 )
 def test_a_wrong_call_is_one_message_and_exit_2(hilrig, tmp_path: Path, arguments, words: str) -> None:

@@ -13,7 +13,10 @@ from hilrig.references.hold import Hold
 from hilrig.references.sine import Sine
 from hilrig.schema import describe
 
-EXPERIMENTS = sorted((Path(__file__).parents[2] / "experiments").glob("**/*.yaml"))
+STUDY = "reproduce.yaml"
+"""A study of several experiments, and none itself"""
+FILES = (Path(__file__).parents[2] / "experiments").glob("**/*.yaml")
+EXPERIMENTS = sorted(path for path in FILES if path.name != STUDY)
 
 TEXT = """\
 hilrig: 1

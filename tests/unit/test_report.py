@@ -127,7 +127,10 @@ def test_the_settling_time_is_that_of_the_phase(reported: tuple[Path, str, dict]
 def test_every_figure_is_there_twice(reported: tuple[Path, str, dict]) -> None:
     folder, _, _ = reported
     files = {path.name for path in (folder / "out" / "figures").iterdir()}
-    stems = ("position_x", "position_error_x", "force_error_z", "auxiliary_error_z", "effort", "internals_small")
+    stems = (
+        "position_x", "position_error_x", "force_z", "force_error_z", "auxiliary_error_x", "auxiliary_error_z",
+        "effort", "internals_small",
+    )  # fmt: skip
     assert {f"quiet_{stem}.{ending}" for stem in stems for ending in ("svg", "png")} <= files
 
 

@@ -1,0 +1,86 @@
+"""The verb that makes a whole study again: reproduce."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hilrig.cli.application import RUNS, Overrides, app, find_run
+from hilrig.cli.running import interruptible
+from hilrig.errors import ExperimentError
+
+if TYPE_CHECKING:
+    from hilrig.reproduction import Loaded
+    from hilrig.trial import Trial
+
+
+@app.command()
+def reproduce(
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="The study's YAML file.", show_default=False)],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the result; default: what the study says.", show_default=False)
+    ] = None,
+    runs: Annotated[Path, typer.Option(help="Where run directories are made.")] = RUNS,
+    jobs: Annotated[int, typer.Option(help="Trials at a time.")] = 1,
+    reuse: Annotated[
+        list[Path] | None,
+        typer.Option("--from", metavar="RUN", help="Take this run instead of a new one. May be repeated."),
+    ] = None,
+    override: Overrides = None,
+) -> None:
+    """Run a study's experiments, draw its figures and judge its claims.
+
+    The result has no dates and no paths: the same study makes the same files. With --set, which changes every
+    experiment, it needs a folder of its own (--out).
+
+    Exit code: 0 all trials completed, 1 one did not, 2 the study or the call is wrong, 130 interrupted.
+    """
+    from hilrig.report.dataset import load_run
+    from hilrig.reproduction import load_study, make_reproduction
+    from hilrig.reproduction.pages import shown_path
+    from hilrig.reproduction.reuse import match
+
+    overrides = override or []
+    if jobs < 1:
+        raise ExperimentError(f"--jobs: {jobs} trials at a time; 1 is the least")
+    if overrides and out is None:
+        raise ExperimentError("--set: changes the study, so its result needs a folder of its own; give --out")
+    loaded = load_study(study, overrides)
+    there = match(loaded, [find_run(run) for run in reuse or []], overrides)
+    made = _run_all(loaded, there, runs, jobs, overrides)
+    folder = out or Path(loaded.study.out)
+    changes = [word for text in overrides for word in ("--set", text)]
+    command = shlex.join(["hilrig", "reproduce", shown_path(study), *changes])
+    judged = make_reproduction(loaded, made, folder, command, overrides, jobs)
+    for result in ("reproduced", "not reproduced", "cannot tell"):
+        typer.echo(f"{result:15} {sum(item.result == result for item in judged)} of {len(judged)} claims")
+    typer.echo(f"result   {folder / 'index.html'}")
+    if not all(trial.completed for run in made.values() for trial in load_run(run).trials):
+        raise typer.Exit(1)
+
+
+def _run_all(loaded: Loaded, there: dict[str, Path], out: Path, jobs: int, overrides: list[str]) -> dict[str, Path]:
+    """Run every experiment that has no run yet; return a run of each, by name."""
+    from hilrig.plan import plan
+    from hilrig.rig.execution import Options, execute
+    from hilrig.terminal import Display
+
+    # All plans first: what is wrong must show before anything is started.
+    planned: dict[str, tuple[Trial, ...]] = {
+        name: plan(experiment) for name, experiment in loaded.experiments.items() if name not in there
+    }
+    made = dict(there)
+    stop = interruptible()
+    for name, trials in planned.items():
+        options = Options(out, ["hilrig", *sys.argv[1:]], overrides, in_process=True, jobs=jobs, stop=stop)
+        with Display(len(trials)) as display:
+            made[name], outcomes = execute(loaded.experiments[name], trials, loaded.sources[name], options, display)
+        if stop.is_set():
+            raise typer.Exit(130)
+        good = sum(outcome.completed for outcome in outcomes)
+        typer.echo(f"run      {made[name]}  ({good} of {len(trials)} trials completed)")
+    return made

@@ -1,0 +1,192 @@
+"""The parts of a comparison figure: panels over time with enlarged stretches, the legend, the caption."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from hilrig.report.curves import Curve, limits, thin, window
+from hilrig.report.dataset import TrialEntry, TrialSignals
+from hilrig.report.style import QUIET, REFERENCE, TWO_COLUMNS, Style, styles
+from hilrig.signals import Array
+
+TOP, BOTTOM, LEFT, RIGHT = 0.42, 0.42, 0.62, 0.1
+"""Margins, inches"""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """The trials of one condition that the figures show: one of each controller."""
+
+    trials: dict[str, tuple[TrialEntry, TrialSignals]]
+    controllers: tuple[str, ...]
+    """All of the experiment's controllers: a controller keeps its colour in every figure"""
+
+    @property
+    def some(self) -> TrialSignals:
+        """Signals of one of the trials, for what they have in common"""
+        return next(iter(self.trials.values()))[1]
+
+    @property
+    def end(self) -> float:
+        """Last time shown, s."""
+        return max(float(s.record.time[-1]) + s.record.period for _, s in self.trials.values())
+
+    @property
+    def phases(self) -> list[Any]:
+        """The experiment's phases, as in the plan"""
+        return next(iter(self.trials.values()))[0].document["phases"]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A finished figure."""
+
+    name: str
+    title: str
+    caption: str
+    figure: Figure
+
+
+def controller_curves(drawn: Drawn, pick: Callable[[TrialSignals], Array]) -> list[Curve]:
+    """Return a curve for each controller drawn; the widest first, so that it hides no other."""
+    looks = styles(drawn.controllers)
+    curves = [Curve(name, s.record.time, pick(s), looks[name]) for name, (_, s) in drawn.trials.items()]
+    return sorted(curves, key=lambda curve: -float(np.nanstd(np.diff(curve.values))))
+
+
+def zoom_windows(phases: list[Any], end: float) -> list[tuple[str, float, float]]:
+    """Return (title, from, to) of the enlarged stretches: the start, each change of phase, and the end."""
+    first = phases[0]["end"] - phases[0]["start"]
+    windows = [("start", 0.0, min(2.0, first / 2, end))]
+    for before, after in itertools.pairwise(phases):
+        if after["start"] < end:
+            lead = min(0.5, (before["end"] - before["start"]) / 4)
+            tail = min(2.5, (after["end"] - after["start"]) / 2)
+            windows.append((f"{before['name']} → {after['name']}", after["start"] - lead, after["start"] + tail))
+    return [*windows, ("end", max(0.0, end - min(2.0, first / 2)), end)]
+
+
+def with_zoom(
+    drawn: Drawn,
+    name: str,
+    title: str,
+    quantity: str,
+    unit: str,
+    curves: list[Curve],
+    reference: tuple[Array, Array] | None,
+) -> Picture:
+    """Return a figure with the whole trial above and the enlarged stretches below."""
+    stretches = zoom_windows(drawn.phases, drawn.end)
+    columns = min(3, len(stretches))
+    rows = -(-len(stretches) // columns)
+    figure, grid = canvas(1 + rows, columns, 1.75, 1.35)
+    whole = figure.add_subplot(grid[0, :])
+    notes = list(panel(whole, curves, reference, f"{quantity} [{unit}]", unit, (0.0, drawn.end)))
+    mark_phases(whole, drawn)
+    for k, (label, start, end) in enumerate(stretches):
+        axes = figure.add_subplot(grid[1 + k // columns, k % columns])
+        cut = [window(curve, start, end) for curve in curves]
+        notes += panel(axes, cut, reference, f"{quantity} [{unit}]" if k % columns == 0 else "", unit, (start, end))
+        axes.set_title(f"{label}", loc="left", color="#444444", pad=3)
+        whole.axvspan(start, end, color="#000000", alpha=0.045, linewidth=0)
+    for axes in figure.axes:
+        axes.set_xlabel("time [s]", labelpad=1.5)
+    legend(figure, drawn, reference is not None)
+    return Picture(name, title, caption(drawn, "Grey bands are enlarged below.", notes), figure)
+
+
+def panel(
+    axes: Axes,
+    curves: list[Curve],
+    reference: tuple[Array, Array] | None,
+    label: str,
+    unit: str,
+    span: tuple[float, float],
+) -> tuple[str, ...]:
+    """Draw curves over `span` and return what the limits had to leave out; it is written on the panel too."""
+    wanted = None
+    if reference is not None:
+        wanted = window(Curve("", *reference, Style(REFERENCE, "-")), *span)
+        axes.plot(*thin(wanted.time, wanted.values), color=REFERENCE, linewidth=0.7, zorder=2)
+    for depth, curve in enumerate(curves):
+        draw(axes, curve, 3 + depth)
+    bounds = limits(curves, unit, None if wanted is None else wanted.values)
+    axes.set_ylim(bounds.low, bounds.high)
+    axes.set_xlim(*span)
+    axes.set_ylabel(label)
+    for row, note in enumerate(bounds.notes):
+        axes.text(0.99, 0.97 - 0.12 * row, note, transform=axes.transAxes, ha="right", va="top", fontsize=7,
+                  color="#a00000", zorder=50)  # fmt: skip
+    return bounds.notes
+
+
+def draw(axes: Axes, curve: Curve, depth: float) -> None:
+    """Draw one thinned curve."""
+    style = curve.style
+    axes.plot(*thin(curve.time, curve.values), color=style.colour, linestyle=style.dash, zorder=depth)
+
+
+def canvas(
+    rows: int, columns: int, first: float, other: float, top: float = TOP, between: float = 0.24
+) -> tuple[Figure, Any]:
+    """Return a figure across a page's two columns, and its grid.
+
+    `first`, `other` and `top` are the heights of the first row, the others and the margin in inches; `between` is the
+    gap between columns over their width.
+    """
+    gap = 0.52
+    height = top + BOTTOM + first + (rows - 1) * (other + gap)
+    figure = Figure(figsize=(TWO_COLUMNS, height))
+    inner = (height - top - BOTTOM) / rows - gap * (rows - 1) / rows
+    grid = figure.add_gridspec(
+        rows, columns, left=LEFT / TWO_COLUMNS, right=1 - RIGHT / TWO_COLUMNS, top=1 - top / height,
+        bottom=BOTTOM / height, hspace=gap / inner, wspace=between,
+        height_ratios=[first, *[other] * (rows - 1)],
+    )  # fmt: skip
+    return figure, grid
+
+
+def mark_phases(axes: Axes, drawn: Drawn) -> None:
+    """Mark where phases begin, and where a trial that did not complete ended."""
+    for phase in drawn.phases:
+        if phase["start"] < drawn.end:
+            axes.annotate(phase["name"], (phase["start"], 1.0), xycoords=("data", "axes fraction"), xytext=(3, 2),
+                          textcoords="offset points", fontsize=7, color="#666666")  # fmt: skip
+        if 0 < phase["start"] < drawn.end:
+            axes.axvline(phase["start"], color=QUIET, linewidth=0.6, linestyle=(0, (2, 2)))
+    looks = styles(drawn.controllers)
+    for name, (trial, signals) in drawn.trials.items():
+        if not trial.completed:
+            ended = float(signals.record.time[-1])
+            axes.axvline(ended, color=looks[name].colour, linewidth=0.8, zorder=40)
+            axes.annotate(f"{name} {trial.outcome['outcome']}", (ended, 0.02), xycoords=("data", "axes fraction"),
+                          xytext=(3, 2), textcoords="offset points", fontsize=7, color=looks[name].colour)  # fmt: skip
+
+
+def legend(figure: Figure, drawn: Drawn, reference: bool) -> None:
+    """Name the curves above the panels."""
+    looks = {name: look for name, look in styles(drawn.controllers).items() if name in drawn.trials}
+    handles = [Line2D([], [], color=s.colour, linestyle=s.dash, label=name) for name, s in looks.items()]
+    if reference:
+        handles.insert(0, Line2D([], [], color=REFERENCE, linewidth=0.7, label="reference"))
+    height = figure.get_size_inches()[1]
+    figure.legend(handles=handles, loc="upper left", ncols=min(6, len(handles)), borderaxespad=0,
+                  bbox_to_anchor=(LEFT / TWO_COLUMNS, 1 - 0.06 / height), columnspacing=1.6)  # fmt: skip
+
+
+def caption(drawn: Drawn, text: str, notes: list[str]) -> str:
+    """Say what is shown: which repeats, from which source, and what was cut."""
+    repeats = sorted({trial.repeat for trial, _ in drawn.trials.values()})
+    sources = sorted({signals.source for _, signals in drawn.trials.values()})
+    shown = f"Repeat {', '.join(map(str, repeats))} of each controller; " + (
+        "the plant's true signals." if sources == ["truth"] else f"signals: {' and '.join(sources)}."
+    )
+    return " ".join([shown, text, *(f"{note}." for note in dict.fromkeys(notes))])

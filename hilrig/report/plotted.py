@@ -1,0 +1,50 @@
+"""The quantities that figures show over time, by name: their values by axis, their references, their units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from hilrig.metrics._record import PhaseRecord
+from hilrig.signals import Array
+
+ByAxis = dict[str, Array]
+"""Values (N,) by the axis they belong to"""
+
+
+class Quantity(NamedTuple):
+    """Something that is measured at every tick, for some axes or for all."""
+
+    title: str
+    """Of a figure"""
+    label: str
+    """At the vertical axis of a panel"""
+    unit: str
+    values: Callable[[PhaseRecord], ByAxis]
+    """Values in `unit`"""
+    reference: Callable[[PhaseRecord], ByAxis] | None = None
+    """What the values are to follow, in `unit`"""
+
+
+def _by_axis(values: Array, record: PhaseRecord, sigma: int | None = None) -> ByAxis:
+    """Return the columns of `values` (N, m) of the axes with this sigma; of all axes for None."""
+    return {axis: values[:, i] for i, axis in enumerate(record.axes) if sigma is None or record.sigma[i] == sigma}
+
+
+QUANTITIES: Mapping[str, Quantity] = {
+    "position": Quantity(
+        "Position tracking", "position", "m",
+        lambda r: _by_axis(r.position, r, 1), lambda r: _by_axis(r.reference_position, r, 1),
+    ),
+    "position_error": Quantity(
+        "Position error", "error", "mm", lambda r: {axis: 1e3 * error for axis, error in r.position_error().items()}
+    ),
+    "force": Quantity(
+        "Force tracking", "force", "N", lambda r: _by_axis(r.force, r, 0), lambda r: _by_axis(r.reference_force, r, 0)
+    ),
+    "force_error": Quantity("Force error", "force error", "N", lambda r: r.force_error()),
+    "auxiliary_error": Quantity(
+        "Auxiliary error, eq. (25)", "auxiliary error", "N", lambda r: _by_axis(r.auxiliary_error(), r)
+    ),
+}  # fmt: skip
+"""In the order of the report's page"""

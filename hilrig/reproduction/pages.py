@@ -1,0 +1,83 @@
+"""The pages of a reproduction: one HTML file that needs no other, and a README for reading where the code is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+from jinja2 import Environment, StrictUndefined
+
+from hilrig.report.dataset import TrialEntry
+from hilrig.report.page import STYLE
+from hilrig.reproduction.evidence import Judged
+from hilrig.reproduction.loading import Loaded
+from hilrig.reproduction.model import FigureSpec
+from hilrig.reproduction.rows import counts, reason
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure for the pages."""
+
+    spec: FigureSpec
+    file: str
+    """Name of its files in figures/, without the ending; "" if there was nothing to draw, and the caption says so"""
+    source: str
+    """Data URI"""
+    caption: str
+
+
+@dataclass(frozen=True)
+class Page:
+    """All that the pages show."""
+
+    loaded: Loaded
+    judged: Sequence[Judged]
+    pictures: Sequence[Picture]
+    trials: Mapping[str, Sequence[TrialEntry]]
+    """The planned trials of each experiment, by its name"""
+    command: str
+    """What makes all of it"""
+    overrides: tuple[str, ...]
+
+
+def write_pages(page: Page, out: Path) -> None:
+    """Write index.html and README.md into `out`."""
+    (out / "index.html").write_text(_render(page, "index.html.j2", escape=True), encoding="utf-8")
+    (out / "README.md").write_text(_render(page, "README.md.j2", escape=False), encoding="utf-8")
+
+
+def _render(page: Page, name: str, escape: bool) -> str:
+    environment = Environment(
+        autoescape=escape, undefined=StrictUndefined, trim_blocks=True, keep_trailing_newline=True
+    )
+    environment.filters["cell"] = _cell
+    environment.filters["reason"] = reason
+    template = environment.from_string(resources.files("hilrig.reproduction").joinpath(name).read_text("utf-8"))
+    lost = [(name, trial) for name, trials in page.trials.items() for trial in trials if not trial.completed]
+    return template.render(
+        page=page, study=page.loaded.study, counts=counts(page.judged), style=STYLE, lost=lost,
+        run_commands={name: _run_command(page, name) for name in page.loaded.experiments},
+    )  # fmt: skip
+
+
+def _run_command(page: Page, experiment: str) -> str:
+    """Return the command that runs one experiment alone; its path as the study's file has it."""
+    file = page.loaded.sources[experiment]
+    changes = "".join(f" --set {text}" for text in page.overrides)
+    return f"hilrig run {shown_path(file)}{changes}"
+
+
+def shown_path(path: Path) -> str:
+    """Return a path as pages show it: from where hilrig was called if it is below, else its name alone."""
+    try:
+        return path.resolve().relative_to(Path.cwd()).as_posix()
+    except ValueError:
+        return path.name
+
+
+def _cell(text: str) -> str:
+    """Return text for a cell of a Markdown table."""
+    return text.replace("|", "\\|").replace("\n", " ").replace("_", "\\_").replace("*", "\\*")
