@@ -162,14 +162,6 @@ class Disturbance(Protocol):
         ...
 
 
-class RobotKernels(NamedTuple):
-    """A robot as a kernel."""
-
-    kinematics: Callable[[Any, Array, Array, Kinematics], None]
-    """Writes `Robot.kinematics` at (q, q') into the arrays it is given; `constants` is its first argument"""
-    constants: Any
-
-
 class Robot(Protocol):
     """Group `robots`: geometry and nominal dynamics, shared by controller and driver.
 
@@ -224,29 +216,6 @@ class Begin(NamedTuple):
     """s"""
     joint_position: Array
     """Where the trial begins, at rest, (n,) rad"""
-
-
-class Sight(NamedTuple):
-    """What is to be seen of a simulated plant: room for a `Measurement` and, but for the surface, a `Truth`."""
-
-    joint_position: Array
-    joint_velocity: Array
-    position: Array
-    velocity: Array
-    wrench: Array
-    applied_torque: Array
-
-
-class PlantKernels(NamedTuple):
-    """A simulated plant as kernels; `constants` and `state` are their first arguments."""
-
-    observe: Callable[[Any, Array, Nudge, Sight], float]
-    """Fills a `Sight` and returns the place of the surface, m"""
-    advance: Callable[[Any, Array, Nudge, Array, Array], None]
-    """Moves `state` on by one period; the last two arguments are torque and joint position of the command"""
-    constants: Any
-    state: Array
-    """All that changes during a trial"""
 
 
 class Plant(Protocol):

@@ -9,8 +9,9 @@ import numpy as np
 
 from hilrig.actuation import holding_position, motor_torque
 from hilrig.contact import SurfaceState, contact_force
-from hilrig.interfaces import Abilities, Begin, Parameter, PlantKernels, Sight
+from hilrig.interfaces import Abilities, Begin, Parameter
 from hilrig.kernel import kernel
+from hilrig.kernel_interfaces import PlantKernels, Sight
 from hilrig.signals import Array, Command, Measurement, Nudge, Truth
 from hilrig_drivers._planar import PLANT_INPUTS, Constants, PlanarArm, friction, surface_now
 

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from hilrig.interfaces import Sight
 from hilrig.kernel import jitable
+from hilrig.kernel_interfaces import Sight
 from hilrig.loop import filter_velocity, limit
 from hilrig.safety import extent
 from hilrig.signals import Array, Command, Inputs, Kinematics, Measurement, Nudge, Reference, State, nudge

@@ -9,8 +9,9 @@ import numpy as np
 
 from hilrig.compiled.tick import Block, Rig, Track, act_template, run_template, sense_template
 from hilrig.errors import Tripped
-from hilrig.interfaces import Law, PlantKernels, RobotKernels, Sight
+from hilrig.interfaces import Law
 from hilrig.kernel import composed, filled, is_kernel
+from hilrig.kernel_interfaces import PlantKernels, RobotKernels, Sight
 from hilrig.loop import Answer, ControlSide, Ending, PlantSide, checked, not_finite
 from hilrig.safety import Monitor
 from hilrig.signals import Array, Command, Kinematics, Measurement, Reference, State, nudge

@@ -8,8 +8,9 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from hilrig.errors import OutOfReach
-from hilrig.interfaces import Parameter, RobotKernels
+from hilrig.interfaces import Parameter
 from hilrig.kernel import kernel
+from hilrig.kernel_interfaces import RobotKernels
 from hilrig.signals import Array, Kinematics
 
 FRICTION_RATE = 5e-3

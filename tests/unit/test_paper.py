@@ -33,8 +33,8 @@ class Figures(NamedTuple):
     """N"""
 
 
-def section_5(name: str, *overrides: str) -> Trial:
-    trials = plan(load(PAPER / "fig04_09.yaml", [TWO_PERIODS, *overrides]))
+def section_5(file: str, name: str, *overrides: str) -> Trial:
+    trials = plan(load(PAPER / file, [TWO_PERIODS, *overrides]))
     return next(trial for trial in trials if trial.controller_name == name)
 
 
@@ -49,20 +49,20 @@ def figures(trial: Trial) -> Figures:
 
 def test_literal_law_of_section_5() -> None:
     """Mhat = .05 kg, no preload, no anti-windup."""
-    found = figures(section_5("literal"))
+    found = figures(section_5("errata.yaml", "no_preload"))
     assert found.position == pytest.approx(0.079e-3, rel=0.1)
     assert found.force == pytest.approx(0.058, rel=0.1)
 
 
 def test_literal_law_with_unfiltered_velocities() -> None:
-    found = figures(section_5("literal", "task.velocity_cutoff=1e5"))
+    found = figures(section_5("errata.yaml", "no_preload", "task.velocity_cutoff=1e5"))
     assert found.position == pytest.approx(0.067e-3, rel=0.1)
     assert found.force == pytest.approx(0.057, rel=0.1)
 
 
 def test_robust_setting_of_section_5_with_and_without_the_moving_handrail() -> None:
     """Mhat = .02 kg, preload, anti-windup; the disturbance 0.2 sin(0.5 t) N changes the force RMSE by about 1 %."""
-    robust = section_5("robust", "task.impedance.anti_windup=clip")
+    robust = section_5("fig04_09.yaml", "proposed")
     found = figures(robust)
     assert found.position == pytest.approx(0.176e-3, rel=0.1)
     assert found.force == pytest.approx(0.140, rel=0.1)
@@ -75,7 +75,7 @@ def test_first_force_peak_without_preload_depends_on_where_the_tip_starts() -> N
     """The arm falls off the surface and comes back: B_e z' of that blow, 5 to 11 N for starts within 1 mm."""
     peaks = []
     for height in ("1.1999 m", "1.2 m", "1.2001 m", "1.201 m"):
-        trial = section_5("literal", "phases.approach.duration=0.3", f"task.start.z={height}")
+        trial = section_5("errata.yaml", "no_preload", "phases.approach.duration=0.3", f"task.start.z={height}")
         seen = run(replace(trial, phases=trial.phases[:1]))
         peaks.append(seen.force[:, 1].max())
         held = run(replace(trial, phases=trial.phases[:1], controller=replace(trial.controller, preload=True)))
