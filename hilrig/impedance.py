@@ -5,26 +5,26 @@ from __future__ import annotations
 import numpy as np
 
 from hilrig.interfaces import Impedance
-from hilrig.kernel import kernel
+from hilrig.kernel import kernel, kernel_without_arrays
 from hilrig.signals import Array, Reference, State
 
 
-@kernel
+@kernel_without_arrays
 def desired_acceleration(
-    impedance: Impedance, position: Array, velocity: Array, force: Array, reference: Reference
-) -> Array:
-    """Return a_d of eq. (4), (m,) m/s^2.
+    impedance: Impedance, i: int, position: float, velocity: float, force: float, reference: Reference
+) -> float:
+    """Return a_d of eq. (4) along axis `i`, m/s^2, at x = `position`, x' = `velocity` and F_e = `force`.
 
     a_d = M_d^-1 [-B_d (x' - Sigma x_d') - K_d Sigma (x - x_d) + (I - Sigma) F_d - F_e] + Sigma x_d''
     """
-    sigma = impedance.sigma
+    sigma = impedance.sigma[i]
     drive = (
-        -impedance.damping * (velocity - sigma * reference.velocity)
-        - impedance.stiffness * sigma * (position - reference.position)
-        + (1.0 - sigma) * reference.force
+        -impedance.damping[i] * (velocity - sigma * reference.velocity[i])
+        - impedance.stiffness[i] * sigma * (position - reference.position[i])
+        + (1.0 - sigma) * reference.force[i]
         - force
     )
-    return drive / impedance.inertia + sigma * reference.acceleration
+    return drive / impedance.inertia[i] + sigma * reference.acceleration[i]
 
 
 @kernel
@@ -41,18 +41,33 @@ def advance_filter(
     With reference states the filter runs on p_d, v_d (an admittance); otherwise on the measured x, x' as printed.
     Both integrals are kept near the measured state: v_d within x' +- velocity_clip, p_d within x +- position_clip.
     """
-    if impedance.reference_states:
-        acceleration = desired_acceleration(impedance, filter_position, filter_velocity, state.force, reference)
-    else:
-        acceleration = desired_acceleration(impedance, state.position, state.velocity, state.force, reference)
+    acceleration = np.empty(filter_position.size)
+    move_filter(impedance, period, filter_position, filter_velocity, state, reference, acceleration)
+    return acceleration
+
+
+@kernel_without_arrays
+def move_filter(
+    impedance: Impedance,
+    period: float,
+    filter_position: Array,
+    filter_velocity: Array,
+    state: State,
+    reference: Reference,
+    acceleration: Array,
+) -> None:
+    """Do `advance_filter`; a_d goes into `acceleration`."""
     for i in range(acceleration.size):
+        x, v = state.position[i], state.velocity[i]
+        if impedance.reference_states:
+            at, rate = filter_position[i], filter_velocity[i]
+        else:
+            at, rate = x, v
+        acceleration[i] = desired_acceleration(impedance, i, at, rate, state.force[i], reference)
         speed = filter_velocity[i] + period * acceleration[i]
-        v = state.velocity[i]
         filter_velocity[i] = min(max(speed, v - impedance.velocity_clip), v + impedance.velocity_clip)
         place = filter_position[i] + period * filter_velocity[i]
-        x = state.position[i]
         filter_position[i] = min(max(place, x - impedance.position_clip), x + impedance.position_clip)
-    return acceleration
 
 
 @kernel
@@ -81,19 +96,20 @@ def joint_torque(jacobian: Array, task_force: Array) -> Array:
 
 
 @kernel
-def task_force(jacobian: Array, torque: Array) -> Array:
-    """Return J^-T tau: the task force (m,) N of a joint torque (n,) N m."""
-    return solve(jacobian.T, torque)
-
-
-@kernel
 def solve(matrix: Array, vector: Array) -> Array:
-    """Return matrix^-1 vector, (n,), by elimination with pivoting. Raises ValueError if the matrix is singular.
+    """Return matrix^-1 vector, (n,). Raises ValueError if the matrix is singular."""
+    x = vector.copy()
+    eliminate(matrix.copy(), x)
+    return x
+
+
+@kernel_without_arrays
+def eliminate(a: Array, x: Array) -> None:
+    """Turn `x` (n,) into a^-1 x by elimination with pivoting; `a` (n, n) is used up. Raises ValueError if singular.
 
     LAPACK's call costs fifteen times more than this for the two or three axes of a task.
     """
-    n = vector.size
-    a, x = matrix.copy(), vector.copy()
+    n = x.size
     for k in range(n):
         pivot = k
         for i in range(k + 1, n):
@@ -113,7 +129,6 @@ def solve(matrix: Array, vector: Array) -> Array:
         for j in range(k + 1, n):
             x[k] -= a[k, j] * x[j]
         x[k] /= a[k, k]
-    return x
 
 
 @kernel

@@ -24,6 +24,10 @@ from hilrig.errors import HilrigError
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
+_BARE = {"_nrt": False, "forceinline": True}
+"""What numba is told of a kernel that makes no arrays"""
+
+
 def jitable(function: Function) -> Function:
     """Mark a function that kernels can call and that stays plain Python elsewhere: for what costs less than a call."""
     return cast(Function, register_jitable(function))
@@ -57,25 +61,35 @@ def kernel(function: Function) -> Function:
     return _compiled(function, _cache_folder(function))
 
 
+def kernel_without_arrays(function: Function) -> Function:
+    """Compile `function` as `kernel` does; it makes no array, it only works on those it is given.
+
+    numba counts the references to every array that a kernel touches, which takes most of the time of one that only
+    passes arrays on. This one goes without, and becomes part of the kernel that calls it.
+    """
+    return _compiled(function, _cache_folder(function), **_BARE)
+
+
 def is_kernel(function: Callable[..., Any]) -> bool:
     """Return whether `function` was made by `kernel`."""
     return hasattr(function, "py_func")
 
 
-def composed(template: Function, allocates: bool = True, **parts: Callable[..., Any]) -> Function:
+def composed(template: Function, makes_arrays: bool = True, **parts: Callable[..., Any]) -> Function:
     """Return `template` as a kernel in which the global names given by `parts` stand for these kernels.
 
     numba can take functions as arguments, but then keeps nothing between processes. A copy of the template whose
     globals name the parts is compiled like any other kernel, and kept in a folder of this composition.
 
-    numba counts the references to every array that a kernel touches, which takes most of the time of one that only
-    passes arrays on. Say `allocates=False` of a template that makes no array: it then goes without.
+    Say `makes_arrays=False` of a template that makes none; see `kernel_without_arrays`. Other threads go on while one
+    that does is at work.
     """
     plain: list[Any] = [cast(Any, part).py_func for part in parts.values()]
     names = [f"{part.__module__}.{part.__qualname__} {getattr(part, 'composition', '')}" for part in plain]
     bound: Any = filled(template, **parts)
     bound.composition = hashlib.sha256("; ".join(names).encode()).hexdigest()[:16]
-    return _compiled(bound, os.path.join(_cache_folder(template, *plain), bound.composition), _nrt=allocates)
+    options = {"nogil": True} if makes_arrays else _BARE
+    return _compiled(bound, os.path.join(_cache_folder(template, *plain), bound.composition), **options)
 
 
 def filled(template: Function, **parts: Callable[..., Any]) -> Function:

@@ -175,10 +175,11 @@ def run_template(
     robot: Any, rig: Rig, track: Track,
 ) -> int:  # fmt: skip
     """Do the ticks from `first` to `last` - 1; return how far it came: `last`, or the tick at which it had to stop."""
+    seen, wanted = rig.seen, rig.wanted
     for tick in range(first, last):
         if not sense(tick, plant, state, robot, rig, track):
             return tick
-        wished = law_step(parameters, memory, rig.seen, rig.wanted)
+        wished = law_step(parameters, memory, seen, wanted)
         if not act(tick, wished, fields, plant, state, rig, track):
             return tick
     return last

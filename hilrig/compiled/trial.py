@@ -80,8 +80,8 @@ def can_compile(plant: PlantSide, control: ControlSide) -> bool:
 
 def _bound(trial: Trial, plant: PlantKernels, robot: RobotKernels, law: Law) -> Callable[..., int]:
     """Return `run_template` with the kernels of this plant and robot, and the law's step, in it."""
-    sense = composed(sense_template, allocates=False, plant_observe=plant.observe, robot_kinematics=robot.kinematics)
-    act = composed(act_template, allocates=False, plant_advance=plant.advance)
+    sense = composed(sense_template, makes_arrays=False, plant_observe=plant.observe, robot_kinematics=robot.kinematics)
+    act = composed(act_template, makes_arrays=False, plant_advance=plant.advance)
     if is_kernel(law.step):
         return composed(run_template, sense=sense, act=act, law_step=law.step)
 

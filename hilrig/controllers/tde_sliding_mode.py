@@ -7,9 +7,9 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from hilrig.impedance import advance_filter, joint_torque, task_force
+from hilrig.impedance import eliminate, move_filter
 from hilrig.interfaces import DelayEstimation, Impedance, Law, Parameter, PerAxis, Task, per_axis
-from hilrig.kernel import kernel
+from hilrig.kernel import kernel, kernel_without_arrays
 from hilrig.signals import Array, Reference, State
 
 
@@ -129,8 +129,8 @@ class Memory(NamedTuple):
     """S_hat, (m,) N"""
     last_velocity: Array
     """x' one period ago, (m,) m/s"""
-    last_desired_acceleration: Array
-    """a_d one period ago, (m,) m/s^2"""
+    desired_acceleration: Array
+    """a_d, (m,) m/s^2"""
     torque_share: Array
     """Share of the last torque that S_hat takes: 0 at the first tick without preload, else 1, (1,)"""
 
@@ -138,47 +138,50 @@ class Memory(NamedTuple):
 @kernel
 def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Array:
     """Return the joint torque (n,) N m and move `memory` on by one period."""
-    a_d = advance_filter(c.impedance, state.elapsed, memory.filter_position, memory.filter_velocity, state, reference)
-    e = memory.filter_position - state.position
-    e_rate = memory.filter_velocity - state.velocity
-    xi = c.p12 * e + c.p22 * e_rate
-    adapt(c, state.elapsed, memory, xi)
-    u = a_d + c.velocity_gain * e_rate + c.position_gain * e
-    alpha = memory.alpha_1[0] + memory.alpha_2[0] + memory.alpha_3[0]
-    u += c.robust_gain * alpha * switching(c, xi)
-    estimate(c, memory, state)
-    memory.tracking_error[:] = e
-    memory.sliding_variable[:] = xi
-    memory.last_velocity[:] = state.velocity
-    memory.last_desired_acceleration[:] = a_d
-    return joint_torque(state.jacobian, c.inertia_estimate * u + memory.estimate)
+    torque = np.zeros(state.torque.size)
+    estimate(c, memory, state, state.jacobian.T.copy())
+    move_filter(
+        c.impedance, state.elapsed, memory.filter_position, memory.filter_velocity, state, reference,
+        memory.desired_acceleration,
+    )  # fmt: skip
+    slide(c, memory, state)
+    press(c, memory, state, torque)
+    return torque
 
 
-@kernel
-def estimate(c: Constants, memory: Memory, state: State) -> None:
-    """Set S_hat (m,) N, eq. (11), in `memory`."""
-    if c.estimates_from_desired:
-        acceleration = memory.last_desired_acceleration
-    else:
-        acceleration = (state.velocity - memory.last_velocity) / state.elapsed
-    held = memory.torque_share[0] * task_force(state.jacobian, state.torque)
-    memory.estimate[:] = held - c.inertia_estimate * acceleration
+@kernel_without_arrays
+def estimate(c: Constants, memory: Memory, state: State, lever: Array) -> None:
+    """Set S_hat (m,) N, eq. (11), in `memory`, which has x' and a_d of the last tick. `lever` is J^T, used up."""
+    for i in range(memory.estimate.size):
+        memory.estimate[i] = memory.torque_share[0] * state.torque[i]
+    eliminate(lever, memory.estimate)
+    for i in range(memory.estimate.size):
+        if c.estimates_from_desired:
+            acceleration = memory.desired_acceleration[i]
+        else:
+            acceleration = (state.velocity[i] - memory.last_velocity[i]) / state.elapsed
+        memory.estimate[i] -= c.inertia_estimate[i] * acceleration
+        memory.last_velocity[i] = state.velocity[i]
     memory.torque_share[0] = 1.0
 
 
-@kernel
-def switching(c: Constants, xi: Array) -> Array:
-    """Return what stands for the sign of xi, (m,)."""
-    if not c.switches_as_printed:
-        return np.tanh(xi / c.boundary)
-    return np.tanh(xi) if norm(xi) > c.boundary else xi / c.boundary
+@kernel_without_arrays
+def slide(c: Constants, memory: Memory, state: State) -> None:
+    """Set e and xi in `memory`, which has xi of the last tick, and adapt the gains."""
+    square, turn = 0.0, 0.0
+    for i in range(state.position.size):
+        e = memory.filter_position[i] - state.position[i]
+        xi = c.p12 * e + c.p22 * (memory.filter_velocity[i] - state.velocity[i])
+        square += xi * xi
+        turn += xi * (xi - memory.sliding_variable[i])
+        memory.tracking_error[i], memory.sliding_variable[i] = e, xi
+    adapt(c, memory, state.elapsed, np.sqrt(square), turn > 0.0)
 
 
-@kernel
-def adapt(c: Constants, elapsed: float, memory: Memory, xi: Array) -> None:
-    """Move alpha on by `elapsed` (s), eq. (15), in place; `memory` has xi of the last tick."""
-    floor, size = c.gains_floor, norm(xi)
-    outward = np.sum(xi * (xi - memory.sliding_variable)) > 0.0
+@kernel_without_arrays
+def adapt(c: Constants, memory: Memory, elapsed: float, size: float, outward: bool) -> None:
+    """Move alpha on by `elapsed` (s), eq. (15), in place; `size` is |xi|, `outward` whether it grows."""
+    floor = c.gains_floor
     alpha_1, alpha_2, alpha_3 = memory.alpha_1[0], memory.alpha_2[0], memory.alpha_3[0]
     above_2, above_3 = alpha_2 > floor[1], alpha_3 > floor[2]
     if alpha_1 <= floor[0] or (outward and above_2 and above_3):
@@ -191,7 +194,26 @@ def adapt(c: Constants, elapsed: float, memory: Memory, xi: Array) -> None:
         memory.alpha_2[0] = max(alpha_2 - elapsed / alpha_2, floor[1])
 
 
-@kernel
-def norm(vector: Array) -> float:
-    """Return the Euclidean norm of a vector (m,)."""
-    return np.sqrt(np.sum(vector * vector))
+@kernel_without_arrays
+def press(c: Constants, memory: Memory, state: State, torque: Array) -> None:
+    """Add J^T (Mhat u + S_hat) to `torque` (n,) N m, eqs. (8) and (10)."""
+    robust = c.robust_gain * (memory.alpha_1[0] + memory.alpha_2[0] + memory.alpha_3[0])
+    square = 0.0
+    for i in range(memory.sliding_variable.size):
+        square += memory.sliding_variable[i] * memory.sliding_variable[i]
+    inside = np.sqrt(square) <= c.boundary
+    for i in range(memory.sliding_variable.size):
+        u = memory.desired_acceleration[i] + robust * switching(c, memory.sliding_variable[i], inside)
+        u += c.velocity_gain * (memory.filter_velocity[i] - state.velocity[i])
+        u += c.position_gain * memory.tracking_error[i]
+        force = c.inertia_estimate[i] * u + memory.estimate[i]
+        for j in range(torque.size):
+            torque[j] += state.jacobian[i, j] * force
+
+
+@kernel_without_arrays
+def switching(c: Constants, xi: float, inside: bool) -> float:
+    """Return what stands for the sign of one component of xi; `inside` says whether |xi| <= mu."""
+    if not c.switches_as_printed:
+        return np.tanh(xi / c.boundary)
+    return xi / c.boundary if inside else np.tanh(xi)

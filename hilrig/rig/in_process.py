@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from hilrig.compiled.tick import Block
@@ -140,16 +141,24 @@ def _ticks(plant: PlantSide, control: ControlSide, wire: DirectWire) -> Ending:
 
 
 def _blocks(compiled: CompiledTrial, wire: DirectWire) -> Ending:
-    """Do the ticks after the first one in blocks. No tick has a time of its own then, so none is recorded."""
+    """Do the ticks after the first one in blocks. No tick has a time of its own then, so none is recorded.
+
+    While a block is computed, a thread records the one before it.
+    """
     wire.forget_times()
-    ending = None
-    while ending is None:
-        tick = compiled.tick
-        try:
-            wire.wait(tick)
-            ending = compiled.do(BLOCK)
-        except Stopped as stop:
-            return Ending("aborted", str(stop), tick)
-        finally:
-            wire.publish_block(compiled.recent)
+    ending, recorded = None, None
+    with ThreadPoolExecutor(1) as thread:
+        while ending is None:
+            try:
+                wire.wait(compiled.tick)
+            except Stopped as stop:
+                return Ending("aborted", str(stop), compiled.tick)
+            try:
+                ending = compiled.do(BLOCK)
+            finally:
+                if recorded is not None:
+                    recorded.result()
+                recorded = thread.submit(wire.publish_block, compiled.recent)
+        assert recorded is not None
+        recorded.result()
     return ending
