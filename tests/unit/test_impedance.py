@@ -3,14 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from builders import arm, impedance, reference, state
+from hypothesis import given
+from hypothesis import strategies as st
 
-from hilrig.impedance import (
-    advance_filter,
-    desired_acceleration,
-    joint_torque,
-    model_torque,
-    task_force,
-)
+from hilrig.impedance import advance_filter, desired_acceleration, joint_torque, model_torque, solve
 from hilrig.interfaces import POSITION_CLIP, VELOCITY_CLIP, Impedance
 from hilrig.signals import State
 
@@ -111,11 +107,27 @@ def test_without_clips_the_filter_integrates_freely(sign: float, reference_state
     assert place[1] - now.position[1] == pytest.approx(sign * p, rel=0.01)
 
 
-def test_task_force_and_joint_torque_are_inverse() -> None:
-    jacobian, force = resting().jacobian, np.array([3.0, -4.0])
-    torque = joint_torque(jacobian, force)
-    np.testing.assert_allclose(torque, [jacobian[:, 0] @ force, jacobian[:, 1] @ force])
-    np.testing.assert_allclose(task_force(jacobian, torque), force)
+def test_joint_torque_is_the_transposed_jacobian_times_the_force() -> None:
+    jacobian, force = np.random.default_rng(2).normal(size=(2, 3)), np.array([3.0, -4.0])
+    np.testing.assert_allclose(joint_torque(jacobian, force), jacobian.T @ force)
+
+
+@given(st.integers(1, 6), st.integers(0, 2**32 - 1))
+def test_solve_agrees_with_lapack(n: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    matrix, vector = rng.normal(size=(n, n)), rng.normal(size=n)
+    matrix[0, 0] = 0.0 if n > 1 else 1.0  # pivoting is needed
+    before = matrix.copy(), vector.copy()
+    accuracy = 1e-12 * np.linalg.cond(matrix) * np.abs(vector).max()
+    np.testing.assert_allclose(matrix @ solve(matrix, vector), vector, atol=max(accuracy, 1e-12))
+    np.testing.assert_allclose(solve(matrix.T, vector), np.linalg.solve(matrix.T, vector), rtol=1e-6, atol=accuracy)
+    np.testing.assert_array_equal(matrix, before[0])
+    np.testing.assert_array_equal(vector, before[1])
+
+
+def test_solve_refuses_a_singular_matrix() -> None:
+    with pytest.raises(ValueError, match="the matrix is singular"):
+        solve(np.array([[1.0, 2.0], [2.0, 4.0]]), np.ones(2))
 
 
 def test_model_torque_is_linear_in_the_parameters() -> None:

@@ -48,7 +48,8 @@ def adapting(controller: TdeSlidingMode, xi: Callable[[float], Array], duration:
     rows = []
     for k in range(1, round(duration / PERIOD) + 1):
         now = xi(k * PERIOD)
-        tde_sliding_mode.adapt(law.parameters, PERIOD, law.memory, now)
+        outward = now @ (now - law.memory.sliding_variable) > 0
+        tde_sliding_mode.adapt(law.parameters, law.memory, PERIOD, float(np.linalg.norm(now)), bool(outward))
         law.memory.sliding_variable[:] = now
         rows.append([k * PERIOD, *alphas(law.memory)])
     return np.array(rows)
