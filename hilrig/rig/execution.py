@@ -23,7 +23,7 @@ from hilrig.recording.run_directory import create_run, trial_directory, write_js
 from hilrig.rig.in_process import run_in_process
 from hilrig.rig.outcome import Outcome
 from hilrig.rig.supervisor import run_on_bus
-from hilrig.rig.worker import run_in_worker
+from hilrig.rig.worker import Worker
 from hilrig.trial import Trial
 
 
@@ -108,6 +108,8 @@ class _Work:
         self._slots: queue.SimpleQueue[int] = queue.SimpleQueue()
         for slot in range(options.jobs):
             self._slots.put(slot)
+        beside = options.jobs if options.in_process and options.jobs > 1 else 0
+        self._workers = [Worker(run, slot) for slot in range(beside)]
 
     def through(self, trials: Sequence[Trial]) -> list[Outcome]:
         """Run the trials; return the outcomes of those that were begun."""
@@ -115,7 +117,12 @@ class _Work:
             results = map(self._one, trials)
             return [outcome for outcome in results if outcome is not None]
         with ThreadPoolExecutor(self._options.jobs) as pool:
-            return [outcome for outcome in pool.map(self._one, trials) if outcome is not None]
+            try:
+                return [outcome for outcome in pool.map(self._one, trials) if outcome is not None]
+            finally:
+                # Before the threads end that started them: a worker would take that for the end of this process.
+                for worker in self._workers:
+                    worker.close()
 
     def _stopped(self) -> bool:
         return self._options.stop.is_set() or (self._options.fail_fast and self._failed.is_set())
@@ -141,8 +148,8 @@ class _Work:
         try:
             if not self._options.in_process:
                 return run_on_bus(self._run, trial, report, self._options.stop.is_set, slot)
-            if self._options.jobs > 1:
-                return run_in_worker(self._run, trial, report, self._options.stop.is_set, slot)
+            if self._workers:
+                return self._workers[slot].do(trial, report, self._options.stop.is_set)
             return run_in_process(self._run, trial, report, self._options.stop.is_set)
         except Exception as error:
             log = trial_directory(self._run, trial.id) / "logs" / "supervisor.log"

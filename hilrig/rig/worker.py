@@ -1,4 +1,4 @@
-"""Runs a trial without the bus in a process of its own, so that several can go on at once, and watches over it."""
+"""Runs trials without the bus in a process beside this one, so that several can go on at once, and watches over it."""
 
 from __future__ import annotations
 
@@ -25,24 +25,52 @@ LOOK = 0.05
 """s between two looks whether the worker lives, and whether someone wants an end"""
 
 
-def run_in_worker(
-    run: Path, trial: Trial, report: Callable[[int], None], stop: Callable[[], bool], slot: int
-) -> Outcome:
-    """Run one trial as `run_in_process` does, in a fresh process; `slot` says which core it is given."""
-    directory = trial_directory(run, trial.id)
-    ours, theirs = Pipe()
-    with ours:
+class Worker:
+    """A process that runs one trial after the other as `run_in_process` does; `slot` says which core it is given.
+
+    It is started for the first trial, and anew after a trial that it did not end itself. One process for many trials:
+    to start one takes seconds, and a compiled trial a fraction of one.
+    """
+
+    def __init__(self, run: Path, slot: int) -> None:
+        self._run, self._slot = run, slot
+        self._process: subprocess.Popen[bytes] | None = None
+        self._line: Connection | None = None
+
+    def do(self, trial: Trial, report: Callable[[int], None], stop: Callable[[], bool]) -> Outcome:
+        """Run one trial and return its outcome."""
+        directory = trial_directory(self._run, trial.id)
+        if self._process is None or self._line is None or self._process.poll() is not None:
+            self._process, self._line = self._start(directory)
+        watch = _Watch(trial, directory, self._process, self._line, report)
+        kept = False
+        try:
+            self._line.send(trial.id)
+            outcome = watch.until_the_end(stop)
+            kept = outcome is watch.said
+        finally:
+            if not kept:
+                self.close()
+        return outcome
+
+    def _start(self, directory: Path) -> tuple[subprocess.Popen[bytes], Connection]:
+        self.close()
+        ours, theirs = Pipe()
         with theirs:
             orders = {
-                "run": str(run.resolve()), "trial": trial.id, "line": theirs.fileno(),
-                "cores": cores_for(slot)["driver"], "parent": os.getpid(),
+                "run": str(self._run.resolve()), "line": theirs.fileno(), "cores": cores_for(self._slot)["driver"],
+                "parent": os.getpid(),
             }  # fmt: skip
-            process = launch(directory, ROLE, json.dumps(orders), [theirs.fileno()])
-        try:
-            return _Watch(trial, directory, process, ours, report).until_the_end(stop)
-        finally:
-            process.kill()
-            process.wait()
+            return launch(directory, ROLE, json.dumps(orders), [theirs.fileno()]), ours
+
+    def close(self) -> None:
+        """End the process."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+        if self._line is not None:
+            self._line.close()
+        self._process = self._line = None
 
 
 class _Watch:
@@ -57,7 +85,8 @@ class _Watch:
         self._heard = time.monotonic()
         self._began: float | None = None
         self._ticks = 0
-        self._said: Outcome | None = None
+        self.said: Outcome | None = None
+        """The outcome, from the worker itself"""
 
     def until_the_end(self, stop: Callable[[], bool]) -> Outcome:
         """Return the outcome of the trial: the worker's own, or why it has none."""
@@ -66,8 +95,8 @@ class _Watch:
                 return self._cut_short("aborted", "interrupted")
             if hung := self._hung():
                 return self._cut_short("timed_out", hung)
-        if self._said is not None:
-            return self._said
+        if self.said is not None:
+            return self.said
         self._process.wait()
         return self._without_a_word("failed", how_it_ended(self._directory, ROLE, self._process.returncode))
 
@@ -80,12 +109,12 @@ class _Watch:
                 return self._line.poll()
         except (EOFError, OSError):  # OSError: it left something of ours unread
             return False
-        return self._said is None
+        return self.said is None
 
     def _take(self, said: Outcome | int) -> None:
         self._heard = time.monotonic()
         if isinstance(said, Outcome):
-            self._said = said
+            self.said = said
         else:
             self._began = self._heard if self._began is None else self._began
             self._ticks = said
@@ -107,7 +136,7 @@ class _Watch:
             deadline = time.monotonic() + GRACE
             while time.monotonic() < deadline and self._listen(LOOK):
                 pass
-        said = self._said
+        said = self.said
         if said is None:
             return self._without_a_word(outcome, reason)
         return replace(said, outcome=outcome, reason=reason) if said.outcome == "aborted" else said

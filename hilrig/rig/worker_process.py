@@ -1,8 +1,9 @@
-"""A worker's process: one whole trial without the bus, told to stop and heard over one line."""
+"""A worker's process: whole trials without the bus; told what to do, to stop, and heard over one line."""
 
 from __future__ import annotations
 
 import json
+import os
 import sys
 import traceback
 from multiprocessing.connection import Connection
@@ -18,18 +19,29 @@ from hilrig.rig.outcome import Outcome
 
 
 def main() -> None:
-    """Run the trial that the command line names; say each tick reported, and at last the outcome."""
+    """Run the trials that are named on the line, one after the other; say each tick reported, and then the outcome."""
     orders = json.loads(sys.argv[1])
     run, line = Path(orders["run"]), Connection(orders["line"])
     signals = Signals()
     try:
         signals.listen(orders["parent"])
         pin(orders["cores"])
-        line.send(_outcome(run, orders["trial"], line))
-    except (Stopped, OSError) as end:  # OSError: nobody listens any more
+        while not line.closed:
+            name = line.recv()
+            _write_to(log_of(run / "trials" / name, "worker"))
+            line.send(_outcome(run, name, line))
+    except (Stopped, EOFError, OSError) as end:  # nobody listens any more, or nobody speaks
         print(f"stopped: {end}", flush=True)
     finally:
         signals.enough()
+
+
+def _write_to(log: Path) -> None:
+    """Let what is printed from now on, by C libraries too, go to `log`."""
+    sys.stdout.flush()
+    with log.open("ab") as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
 
 
 def _outcome(run: Path, name: str, line: Connection) -> Outcome:

@@ -121,7 +121,7 @@ def write(tmp_path: Path) -> Write:
         ("{controller: large}", "{controller: small}", ("this is the same value",)),
         ("less_than: {controller: large}", "below: 2 N", ("'2 N' is a force", "length")),
         ("below: 2", "below: 2, above: 1", ("below and above are too many",)),
-        (", below: 2", "", ("nothing is claimed", "less_than")),
+        (",\n         below: 2", "", ("nothing is claimed", "less_than")),
         ("    undecided: Needs the robot.\n", "", ("either 'parts'",)),
         ("    reason: By eye.\n", "    undecided: Why?\n", ("either 'parts'",)),
     ],
