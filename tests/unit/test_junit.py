@@ -32,7 +32,7 @@ MET = Expected("force_rmse of a, phase all", "below 1 N", "0.5 N", "quiet, z: re
 
 def run_of(*outcomes: dict) -> RunData:
     trials = tuple(replace(trial_entry("a", repeat=i), outcome=outcome) for i, outcome in enumerate(outcomes))
-    return RunData(Path("run"), {}, {"name": "demo"}, trials, "")
+    return RunData(Path("run"), {}, {"name": "demo"}, trials, "", {})
 
 
 def keeps_the_schema(element: ET.Element) -> bool:

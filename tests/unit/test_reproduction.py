@@ -52,7 +52,7 @@ out: out
 experiments: [tiny.yaml]
 figures:
   - {figure: "4", title: Place, experiment: tiny, condition: quiet, controllers: [small], quantity: position, axis: x}
-  - {figure: "5", title: Gains, experiment: tiny, condition: quiet, controllers: [large], quantity: memory.gains}
+  - {figure: "5", title: Estimate, experiment: tiny, condition: quiet, controllers: [large], quantity: memory.estimate}
 claims:
   - claim: Small is better | always.
     where: V
@@ -60,7 +60,7 @@ claims:
     parts:
       - {experiment: tiny, condition: quiet, controller: small, metric: position_rmse, axis: x, phase: after,
          less_than: {controller: large}}
-      - {experiment: tiny, condition: quiet, controller: large, metric: memory_peak.gains, axis: "1", below: 2}
+      - {experiment: tiny, condition: quiet, controller: large, metric: memory_peak.estimate, axis: x, below: 2}
   - claim: It works on the robot.
     where: VI
     undecided: Needs the robot.
@@ -95,7 +95,7 @@ def write(tmp_path: Path) -> Write:
         ("[small]", "[smal]", ("no controller 'smal'", "did you mean 'small'")),
         ("[small]", "[]", ("there are no controllers",)),
         ("quantity: position", "quantity: positon", ("no quantity 'positon'", "did you mean 'position'")),
-        ("memory.gains}", "memory.gain}", ("no field 'gain'", "did you mean 'gains'")),
+        ("memory.estimate}", "memory.estimat}", ("no field 'estimat'", "did you mean 'estimate'")),
         ("position, axis: x}", "position, axis: z}", ("no axis 'z'", "known: x")),
         ("[small], quantity: position, axis: x", "[small, large], quantity: position", ("'axis' is missing",)),
         ("axis: x}", "axis: x, zoom: [2 s, 1 s]}", ("ends before it begins",)),
@@ -103,8 +103,8 @@ def write(tmp_path: Path) -> Write:
         ('figure: "5"', 'figure: "4"', ("'4' is here twice",)),
         ('figure: "4"', 'figure: "../4"', ("is no number of a figure",)),
         ("metric: position_rmse", "metric: position_rms", ("no metric 'position_rms'", "'position_rmse'")),
-        ("memory_peak.gains", "memory_peak.gain", ("no field 'gain'", "did you mean 'gains'")),
-        ('memory_peak.gains, axis: "1"', "memory_peak.gains", ("'axis' is missing",)),
+        ("memory_peak.estimate", "memory_peak.estimat", ("no field 'estimat'", "did you mean 'estimate'")),
+        ("memory_peak.estimate, axis: x", "memory_peak.estimate", ("'axis' is missing",)),
         ("phase: after", "phase: afer", ("no phase 'afer'", "did you mean 'after'")),
         ("{controller: large}", "{controller: larg}", ("no controller 'larg'", "did you mean 'large'")),
         ("{controller: large}", "{controller: small}", ("this is the same value",)),
@@ -170,11 +170,11 @@ def test_the_files_say_what_was_found(write: Write, tmp_path: Path) -> None:
     assert claims["result"].tolist()[:2] == ["reproduced", "reproduced"]
     # The errors are 10 mm cos 3t and 30 mm cos 3t: of the whole difference two thirds of the larger.
     assert claims["mean"][0] == pytest.approx(-2 / 3 * claims["against"][0])
-    # The made-up gains are k / N at tick k.
+    # The made-up estimate is k / N at tick k.
     assert claims["mean"][1] == pytest.approx(1.0)
     metrics = pd.read_csv(tmp_path / "out" / "metrics.csv", keep_default_na=False)
     assert set(metrics["experiment"]) == {"tiny"}
-    assert "memory_peak.gains" in set(metrics["metric"])
+    assert "memory_peak.estimate" in set(metrics["metric"])
     page, readme = files["index.html"].decode(), files["README.md"].decode()
     for text in (page, readme):
         for words in ("hilrig reproduce study.yaml", "hilrig run tiny.yaml", "Needs the robot.", "By eye."):
