@@ -55,9 +55,7 @@ def summary(
         }
         for name, experiment in loaded.experiments.items()
     ]  # fmt: skip
-    expectations = [
-        {"experiment": name, **_rounded(vars(item))} for name, items in expected.items() for item in items
-    ]
+    expectations = [{"experiment": name, **_rounded(vars(item))} for name, items in expected.items() for item in items]
     claims = [
         {
             "number": i, "claim": item.claim.claim, "where": item.claim.where, "result": item.result,
