@@ -129,9 +129,9 @@ def test_limits_are_in_the_metrics_unit(write: Write) -> None:
     assert loaded.study.claims[0].parts[0].below == pytest.approx(0.015)
 
 
-def run_of_tiny(path: Path, failed: tuple[str, ...] = ()) -> Path:
+def run_of_tiny(path: Path, failed: tuple[str, ...] = (), expect: tuple[dict, ...] = ()) -> Path:
     """Write a run of the tiny experiment with made-up signals; `large` has errors three times as large."""
-    run = make_run(path, {"small": 1.0, "large": 3.0}, repeats=10, seconds=0.2, failed=failed)
+    run = make_run(path, {"small": 1.0, "large": 3.0}, repeats=10, seconds=0.2, failed=failed, expect=expect)
     (run / "experiment.yaml").write_text(EXPERIMENT)
     manifest = {**read_json(run / "manifest.json"), "name": "tiny", "overrides": []}
     (run / "manifest.json").write_text(json.dumps(manifest))
@@ -192,6 +192,57 @@ def test_trials_that_did_not_complete_are_told(write: Write, tmp_path: Path) -> 
     for name in ("index.html", "README.md"):
         assert "force above 200 N at t = 0.5 s" in files[name].decode()
         assert "1 of 10 trials of large did not complete (tripped)" in files[name].decode()
+
+
+LARGE = tuple(f"large.quiet.{i}" for i in range(10))
+TRIPS = {"controller": "large", "outcome": "tripped"}
+SMALL = {"controller": "small", "metric": "position_rmse", "phase": "all", "below": 1e-6}
+
+
+def test_what_experiments_expect_is_a_table_of_its_own(write: Write, tmp_path: Path) -> None:
+    run = run_of_tiny(tmp_path / "run", LARGE, (TRIPS, SMALL))
+    files = made(write(), run, tmp_path / "out")
+    summary = json.loads(files["summary.json"])
+    assert [(item["experiment"], item["met"]) for item in summary["expectations"]] == [("tiny", True), ("tiny", False)]
+    assert all(trial["as_expected"] for trial in summary["experiments"][0]["not_completed"])
+    basis = "quiet: repeat 0, first of 10, force above 200 N at t = 0.5 s"
+    page, readme = files["index.html"].decode(), files["README.md"].decode()
+    row = (
+        r"<td>tiny</td><td.*?>outcome of large</td><td.*?>tripped</td><td>tripped</td><td.*?>met</td><td.*?>(.*?)</td>"
+    )
+    assert re.findall(row, page) == [basis]
+    assert f"| tiny | outcome of large | tripped | tripped | met | {basis} |" in readme
+    assert "| position\\_rmse of small, phase all | below 1e-06 m | 0." in readme
+    for text in (page, readme):
+        assert "1 of 2 met" in text
+        assert "tripped, as expected" in text
+        assert "10 of 20, 10 tripped as expected" in text
+
+
+@pytest.mark.parametrize(
+    ("failed", "expect", "ended_well", "met"),
+    [
+        ((), (), True, []),
+        (LARGE, (TRIPS,), True, [True]),
+        (LARGE, (), False, []),
+        (LARGE[:1], (TRIPS,), True, [False]),
+        ((*LARGE, "small.quiet.0"), (TRIPS,), False, [True]),
+    ],
+)
+def test_trials_end_well_if_they_complete_or_end_as_expected(
+    write: Write, tmp_path: Path, failed: tuple[str, ...], expect: tuple[dict, ...], ended_well: bool, met: list[bool]
+) -> None:
+    run = run_of_tiny(tmp_path / "run", failed, expect)
+    found = make_reproduction(load_study(write()), {"tiny": run}, tmp_path / "out", "")
+    assert found.ended_well == ended_well
+    assert [item.met for item in found.expected["tiny"]] == met
+
+
+def test_an_experiment_is_no_study_and_says_so_in_one_line(write: Write) -> None:
+    path = write().parent / "tiny.yaml"
+    with pytest.raises(ExperimentError) as caught:
+        load_study(path)
+    assert str(caught.value) == f"{path}: this is an experiment, not a study; type: hilrig run {path}"
 
 
 def panel(tmp_path: Path, **changes: Any) -> Figure:
