@@ -233,7 +233,7 @@ def test_warm_up_tells_the_laws_memory_and_leaves_the_trial_alone() -> None:
     before = ride(subject).measured[-1].joint_position
     warm_up_plant(subject)
     sizes = warm_up_control(subject)
-    assert sizes["gains"] == 3
+    assert sizes["alpha_1"] == 1
     assert sizes["estimate"] == 2
     np.testing.assert_array_equal(ride(subject).measured[-1].joint_position, before)
 
