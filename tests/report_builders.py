@@ -17,7 +17,7 @@ PERIOD = 1e-3
 ROBOT = {
     "kind": "planar_2r", "lengths": [0.345, 0.2], "masses": [1.8, 1.1], "gravity": [-9.81, 0.0],
 }  # fmt: skip
-MEMORY = {"filter_position": 2, "parameter_estimate": 3, "estimate": 2}
+MEMORY = {"filter_position": 2, "gains": 3, "estimate": 2}
 
 
 def experiment(name: str, phases: list[dict], controllers: list[str], expect: list[dict]) -> dict:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hilrig.cli.application import RUNS, Overrides, app, find_run
+from hilrig.cli.results import tell_run
 from hilrig.cli.running import interruptible
 from hilrig.errors import ExperimentError
 
@@ -32,14 +33,14 @@ def reproduce(
     ] = None,
     override: Overrides = None,
 ) -> None:
-    """Run a study's experiments, draw its figures and judge its claims.
+    """Run a study's experiments, draw its figures, judge its claims and its experiments' expectations.
 
     The result has no dates and no paths: the same study makes the same files. With --set, which changes every
     experiment, it needs a folder of its own (--out).
 
-    Exit code: 0 all trials completed, 1 one did not, 2 the study or the call is wrong, 130 interrupted.
+    Exit code: 0 all trials completed or ended as expected, and all expectations are met, whatever the claims came to;
+    1 a trial did not, or an expectation is not met; 2 the study or the call is wrong; 130 interrupted.
     """
-    from hilrig.report.dataset import load_run
     from hilrig.reproduction import load_study, make_reproduction
     from hilrig.reproduction.pages import shown_path
     from hilrig.reproduction.reuse import match
@@ -55,11 +56,15 @@ def reproduce(
     folder = out or Path(loaded.study.out)
     changes = [word for text in overrides for word in ("--set", text)]
     command = shlex.join(["hilrig", "reproduce", shown_path(study), *changes])
-    judged = make_reproduction(loaded, made, folder, command, overrides, jobs)
+    found = make_reproduction(loaded, made, folder, command, overrides, jobs)
     for result in ("reproduced", "not reproduced", "cannot tell"):
-        typer.echo(f"{result:15} {sum(item.result == result for item in judged)} of {len(judged)} claims")
+        typer.echo(f"{result:15} {sum(item.result == result for item in found.judged)} of {len(found.judged)} claims")
+    unmet = [(name, item) for name, items in found.expected.items() for item in items if not item.met]
+    typer.echo(f"{'met':15} {found.expectations - len(unmet)} of {found.expectations} expectations")
+    for name, item in unmet:
+        typer.echo(f"{'not met':15} {name}: {item.subject}: {item.limit}, seen {item.seen} ({item.basis})")
     typer.echo(f"result   {folder / 'index.html'}")
-    if not all(trial.completed for run in made.values() for trial in load_run(run).trials):
+    if unmet or not found.ended_well:
         raise typer.Exit(1)
 
 
@@ -81,6 +86,5 @@ def _run_all(loaded: Loaded, there: dict[str, Path], out: Path, jobs: int, overr
             made[name], outcomes = execute(loaded.experiments[name], trials, loaded.sources[name], options, display)
         if stop.is_set():
             raise typer.Exit(130)
-        good = sum(outcome.completed for outcome in outcomes)
-        typer.echo(f"run      {made[name]}  ({good} of {len(trials)} trials completed)")
+        tell_run(made[name], loaded.experiments[name], trials, outcomes)
     return made

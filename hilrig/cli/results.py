@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from hilrig.experiment import Experiment
+    from hilrig.rig.outcome import Outcome
+    from hilrig.trial import Trial
 
 Junit = Annotated[
     Path | None,
@@ -28,6 +34,21 @@ def make_room(junit: Path | None) -> None:
     if junit is not None:
         with suppress(FileExistsError):
             make_directory(junit.parent)
+
+
+def tell_run(run: Path, experiment: Experiment, trials: Sequence[Trial], outcomes: Sequence[Outcome]) -> bool:
+    """Print how many trials of a run completed; return whether every one did, or ended as expected."""
+    from hilrig.experiment.expecting import ended_early, ends_as_expected
+
+    expect = experiment.to_document()["expect"]
+    planned = {trial.id: trial for trial in trials}
+    expected = [
+        item.outcome for item in outcomes if (trial := planned[item.trial])
+        and ends_as_expected(expect, trial.controller_name, trial.condition_name, item.outcome)
+    ]  # fmt: skip
+    completed = sum(item.completed for item in outcomes)
+    typer.echo(f"run      {run}  ({completed} of {len(trials)} trials completed{ended_early(expected)})")
+    return completed + sum(outcome != "completed" for outcome in expected) == len(trials)
 
 
 def tell_results(run: Path, out: Path | None, report: bool, junit: Path | None) -> bool:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from hilrig.cli.application import RUNS, AsJson, ExperimentFile, Overrides, app, print_json
-from hilrig.cli.results import Junit, make_room, tell_results
+from hilrig.cli.results import Junit, make_room, tell_results, tell_run
 from hilrig.errors import ExperimentError
 
 if TYPE_CHECKING:
@@ -91,7 +91,8 @@ def run(
     repeats: Annotated[int | None, typer.Option(help="Repeats, instead of what the experiment says.")] = None,
     override: Overrides = None,
     fail_fast: Annotated[
-        bool, typer.Option("--fail-fast", help="Begin no further trial after one that did not complete.")
+        bool,
+        typer.Option("--fail-fast", help="Begin no further trial after one that did not complete, unless expected so."),
     ] = False,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Make the report at the end.")] = True,
     junit: Junit = None,
@@ -100,8 +101,8 @@ def run(
 
     Ctrl-C ends the trials in flight cleanly.
 
-    Exit code: 0 all trials completed and all expectations are met, 1 a trial did not complete or an expectation is not
-    met, 2 the experiment or the call is wrong, 130 interrupted.
+    Exit code: 0 all trials completed or ended as expected, and all expectations are met; 1 a trial did not, or an
+    expectation is not met; 2 the experiment or the call is wrong; 130 interrupted.
     """
     overrides = [*(override or [])]
     overrides += [f"clock={clock}"] if clock else []
@@ -121,13 +122,12 @@ def run(
     options = Options(out, ["hilrig", *sys.argv[1:]], overrides, in_process, jobs, fail_fast, interruptible())
     with Display(len(trials)) as display:
         directory, outcomes = execute(loaded, trials, experiment, options, display)
-    completed = sum(outcome.completed for outcome in outcomes)
-    typer.echo(f"run      {directory}  ({completed} of {len(trials)} trials completed)")
-    drawn = report and completed > 0
+    ended_well = tell_run(directory, loaded, trials, outcomes)
+    drawn = report and any(outcome.completed for outcome in outcomes)
     met = tell_results(directory, None, drawn, junit) if drawn or junit or loaded.expect else True
     if options.stop.is_set():
         raise typer.Exit(130)
-    if completed < len(trials) or not met:
+    if not ended_well or not met:
         raise typer.Exit(1)
 
 

@@ -10,9 +10,10 @@ from typing import Any
 from hilrig import plugins
 from hilrig.document import Keys
 from hilrig.errors import nearest
-from hilrig.experiment.model import Expectation, Experiment, Phase
+from hilrig.experiment.expecting import check_expectation, complete_expectation
+from hilrig.experiment.model import Experiment, Phase
 from hilrig.interfaces import per_axis
-from hilrig.quantities import quantity, shown
+from hilrig.quantities import shown
 from hilrig.schema import ONLY_AXIS, Finding, InvalidError
 from hilrig.trial import ALL_PHASES
 
@@ -38,8 +39,8 @@ def completed(experiment: Experiment) -> Experiment:
     for i, phase in enumerate(experiment.phases if axes_known else ()):
         phases.append(_complete_phase(experiment, phase, i, findings))
     for i, expectation in enumerate(experiment.expect):
-        findings += _check_expectation(experiment, expectation, i)
-        expect.append(_complete_expectation(expectation, i, findings))
+        findings += check_expectation(experiment, expectation, i)
+        expect.append(complete_expectation(expectation, i, findings))
     if findings:
         raise InvalidError(findings)
     return replace(experiment, phases=tuple(phases), expect=tuple(expect))
@@ -165,41 +166,3 @@ def _check_axes(given: Mapping[str, Any], axes: tuple[str, ...], path: Keys, nam
                 (*path, name) if given else path,
                 f"'{name}' is missing for the {name}-controlled axis '{axis}'",
             )
-
-
-def _check_expectation(experiment: Experiment, expectation: Expectation, index: int) -> Iterator[Finding]:
-    controllers = tuple(experiment.controllers)
-    choices = {
-        "metric": ("metric", plugins.kinds("metrics")),
-        "controller": ("controller", controllers),
-        "minus": ("controller", controllers),
-        "phase": ("phase", (*(phase.name for phase in experiment.phases), ALL_PHASES)),
-        "axis": ("axis", experiment.driver.robot.axes),
-        "condition": ("condition", tuple(experiment.conditions)),
-    }
-    for name, (what, known) in choices.items():
-        value = getattr(expectation, name)
-        if value is not None and value not in known:
-            message = f"there is no {what} '{value}'{nearest(value, known)} (known: {', '.join(known)})"
-            yield Finding(("expect", index, name), message)
-    if expectation.minus == expectation.controller:
-        others = ", ".join(name for name in controllers if name != expectation.minus) or "none"
-        message = f"'{expectation.minus}' minus itself is always zero; name another controller (others: {others})"
-        yield Finding(("expect", index, "minus"), message)
-    if expectation.below is None and expectation.above is None:
-        yield Finding(("expect", index), "nothing is expected; give 'below' or 'above'")
-
-
-def _complete_expectation(expectation: Expectation, index: int, findings: list[Finding]) -> Expectation:
-    """Return the expectation in its metric's unit; what cannot be converted is added to `findings`."""
-    if expectation.metric not in plugins.kinds("metrics"):
-        return expectation
-    unit = plugins.load("metrics", expectation.metric).unit
-    for name in ("below", "above"):
-        value = getattr(expectation, name)
-        if value is not None:
-            try:
-                expectation = replace(expectation, **{name: quantity(value, unit)})
-            except ValueError as error:
-                findings.append(Finding(("expect", index, name), str(error)))
-    return expectation

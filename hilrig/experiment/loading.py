@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,10 @@ from hilrig.experiment.overrides import override
 from hilrig.quantities import shown
 from hilrig.schema import Context, Finding, InvalidError, json_schema, read
 
+STUDY_KEYS = ("claims", "experiments")
+EXPERIMENT_KEYS = ("driver", "task", "phases", "controllers")
+"""What tells a study and an experiment apart: keys that only the one has"""
+
 
 def load(path: Path, overrides: Iterable[str] = ()) -> Experiment:
     """Return the experiment of a file, with overrides such as "controllers.pd.stiffness=100 N/m".
@@ -23,6 +28,9 @@ def load(path: Path, overrides: Iterable[str] = ()) -> Experiment:
     Raises ExperimentError with everything that is wrong, each with its place.
     """
     source = document.read(Path(path))
+    if is_study(source):
+        message = f"this is a study, not an experiment; type: hilrig reproduce {shlex.quote(str(path))}"
+        raise ExperimentError([Problem(Place(str(path)), message)])
     for text in overrides:
         source = override(source, text)
     try:
@@ -30,6 +38,16 @@ def load(path: Path, overrides: Iterable[str] = ()) -> Experiment:
         return replace(completed(experiment), source=source)
     except InvalidError as error:
         raise ExperimentError(problems(error.findings, source)) from error
+
+
+def is_study(source: Document) -> bool:
+    """Return whether a file is a study, which lists experiments, and no experiment; by its keys."""
+    return not source.data.keys().isdisjoint(STUDY_KEYS) and source.data.keys().isdisjoint(EXPERIMENT_KEYS)
+
+
+def is_experiment(source: Document) -> bool:
+    """Return whether a file is an experiment, and no study; by its keys."""
+    return not source.data.keys().isdisjoint(EXPERIMENT_KEYS) and source.data.keys().isdisjoint(STUDY_KEYS)
 
 
 def schema() -> dict[str, Any]:

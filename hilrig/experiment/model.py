@@ -11,7 +11,7 @@ from hilrig.document import Document
 from hilrig.errors import Place
 from hilrig.interfaces import Controller, Disturbance, Driver, Parameter, PerAxis, ReferenceSignal
 from hilrig.schema import ByAxis, Later
-from hilrig.trial import ALL_PHASES, Limits
+from hilrig.trial import Limits
 
 
 @dataclass(frozen=True)
@@ -55,16 +55,20 @@ class Phase:
 
 @dataclass(frozen=True)
 class Expectation:
-    """A measured limit on a metric of one controller, or on its difference to the metric of another, `minus`.
+    """A limit on a metric of one controller, or on its difference to that of another, `minus`; or how its trials end.
 
     The metric keeps the limit if it does so in every repeat. The difference keeps it if the 95 % interval of the mean
-    difference of pairs does; repeat i of the one and repeat i of the other are a pair.
+    difference of pairs does; repeat i of the one and repeat i of the other are a pair. An outcome is met if every trial
+    of the controller ends so. Exactly one of `metric` and `outcome` is given.
     """
 
-    metric: Annotated[str, Parameter("", "kind of the metric")]
     controller: Annotated[str, Parameter("", "name of the controller")]
+    metric: Annotated[str | None, Parameter("", "kind of the metric")] = None
+    outcome: Annotated[
+        Literal["completed", "tripped"] | None, Parameter("", "how every trial ends, instead of a metric")
+    ] = None
     minus: Annotated[str | None, Parameter("", "controller whose metric is subtracted; default: none")] = None
-    phase: Annotated[str, Parameter("", "name of a phase, or 'all'")] = ALL_PHASES
+    phase: Annotated[str | None, Parameter("", "name of a phase; default: 'all', the whole trial")] = None
     axis: Annotated[str | None, Parameter("", "axis; default: every axis of the metric")] = None
     condition: Annotated[str | None, Parameter("", "condition; default: every one")] = None
     below: Annotated[Later, Parameter("", "upper limit, in the metric's unit")] = None
@@ -91,7 +95,7 @@ class Experiment:
     actuation_delay: Annotated[int, Parameter("", "ticks from measurement to its command's effect", 0, 10)] = 1
     repeats: Annotated[int, Parameter("", "how often, each with its own seed", 1, 10_000)] = 1
     seed: Annotated[int, Parameter("", "of everything random", 0, 2**63 - 1)] = 0
-    expect: Annotated[tuple[Expectation, ...], Parameter("", "limits that the run must keep")] = ()
+    expect: Annotated[tuple[Expectation, ...], Parameter("", "limits that the run must keep, and ends")] = ()
     safety: Annotated[Limits, Parameter("", "where a trial is ended")] = field(default_factory=Limits)
     source: Document | None = field(default=None, compare=False, repr=False, metadata={"filled": True})
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from hilrig.experiment.expecting import ends_as_expected
 from hilrig.messages.codec import definition
 from hilrig.metrics._record import PhaseRecord
 from hilrig.recording.bag import read_bag
@@ -89,6 +90,11 @@ class RunData:
     def conditions(self) -> tuple[str, ...]:
         """Names of the conditions, in the order of the plan."""
         return tuple(dict.fromkeys(trial.condition for trial in self.trials))
+
+    def as_expected(self, trial: TrialEntry) -> bool:
+        """Return whether the experiment expects that this trial ends as it did."""
+        expect = self.experiment.get("expect") or ()
+        return ends_as_expected(expect, trial.controller, trial.condition, trial.outcome["outcome"])
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,13 @@
 The rule. A limit on a metric holds if every repeat keeps it. A limit on the difference of two controllers holds if the
 95 % interval of the mean paired difference lies wholly within it (`comparison.paired_difference`, as for the marks of
 the verdict table). Either must hold on every axis and under every condition, unless one is named, and every trial that
-it speaks of must have completed.
+it speaks of must have completed. An outcome holds if it is that of every trial that it speaks of.
 """
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -37,9 +38,9 @@ class Expected:
     """Where the value was seen, and what it rests on"""
     met: bool
     missing: int
-    """Trials it speaks of that did not complete: with one missing it is not met"""
+    """Trials without which its metric is not known, as they did not complete: with one missing it is not met"""
     value: float | None
-    """The value in the metric's unit, for a difference the mean; None if nothing was measured"""
+    """The value in the metric's unit, for a difference the mean; None if nothing was measured, or of an outcome"""
     low: float | None
     """Lower end of a difference's 95 % interval, infinite if it cannot be judged; None for the metric itself"""
     high: float | None
@@ -85,10 +86,40 @@ def judge(
 
     `metrics` is the tidy table of the completed trials, `trials` are all that were planned.
     """
-    return [_judge(expectation, metrics, trials) for expectation in expectations]
+    return [
+        _judge_outcome(item, trials) if item.get("outcome") else _judge_metric(item, metrics, trials)
+        for item in expectations
+    ]
 
 
-def _judge(expectation: Mapping[str, Any], metrics: pd.DataFrame, trials: Sequence[TrialEntry]) -> Expected:
+def _judge_outcome(expectation: Mapping[str, Any], trials: Sequence[TrialEntry]) -> Expected:
+    """Judge how trials ended; shown is the first that ended otherwise, or if there is none the first of all."""
+    wanted = expectation["outcome"]
+    own = [trial for trial in trials if _speaks_of(expectation, trial)]
+    others = [trial for trial in own if trial.outcome["outcome"] != wanted]
+    counts = Counter(str(trial.outcome["outcome"]) for trial in own)
+    alone = len(counts) == 1
+    return Expected(
+        subject=f"outcome of {expectation['controller']}{_where(expectation)}",
+        limit=wanted,
+        seen=", ".join(word if alone else f"{count} {word}" for word, count in counts.items()) or "nothing",
+        basis=_ending((others or own)[0], len(own)) if own else "there is no such trial",
+        met=bool(own) and not others,
+        missing=0, value=None, low=None, high=None,
+    )  # fmt: skip
+
+
+def _ending(trial: TrialEntry, number: int) -> str:
+    """Return which trial it is, of how many, and why and when it ended; of a failure where that is told."""
+    outcome, first = trial.outcome, f", first of {number}" if number > 1 else ""
+    # The text of a failure names files of this machine; the reason of a trip has its time.
+    why = "see its log" if outcome["outcome"] == "failed" else outcome.get("reason") or str(outcome["outcome"])
+    ticks = outcome.get("ticks", 0)
+    when = "" if " at t = " in why or not ticks else f" at t = {ticks * trial.document['period']:.6g} s"
+    return f"{trial.condition}: repeat {trial.repeat}{first}, {why}{when}"
+
+
+def _judge_metric(expectation: Mapping[str, Any], metrics: pd.DataFrame, trials: Sequence[TrialEntry]) -> Expected:
     limits = _Limits(expectation.get("below"), expectation.get("above"))
     keys = [key for key in KEYS if expectation.get(key) is not None]
     rows = [row for row in metrics.to_dict("records") if all(row[key] == expectation[key] for key in keys)]
@@ -119,8 +150,11 @@ def _speaks_of(expectation: Mapping[str, Any], trial: TrialEntry) -> bool:
 
 def _subject(expectation: Mapping[str, Any]) -> str:
     of = " minus ".join(expectation[key] for key in ("controller", "minus") if expectation.get(key))
-    where = "".join(f", {expectation[key]}" for key in ("axis", "condition") if expectation.get(key))
-    return f"{expectation['metric']} of {of}, phase {expectation.get('phase', 'all')}{where}"
+    return f"{expectation['metric']} of {of}, phase {expectation.get('phase', 'all')}{_where(expectation)}"
+
+
+def _where(expectation: Mapping[str, Any]) -> str:
+    return "".join(f", {expectation[key]}" for key in ("axis", "condition") if expectation.get(key))
 
 
 def _values(expectation: Mapping[str, Any], rows: Rows) -> Iterator[_Seen]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import matplotlib as mpl
 
 from hilrig.report.panels import (
+    TOP,
     Drawn,
     Picture,
     canvas,
@@ -12,6 +13,7 @@ from hilrig.report.panels import (
     controller_curves,
     legend,
     mark_phases,
+    name_curves,
     panel,
     with_zoom,
 )
@@ -43,7 +45,8 @@ def _over_time(name: str, drawn: Drawn) -> list[Picture]:
 def _effort(drawn: Drawn) -> Picture:
     """Return the commanded torque of each joint."""
     joints = drawn.some.record.torque.shape[1]
-    figure, grid = canvas(joints, 1, 1.3, 1.3)
+    named = legend(drawn, False)
+    figure, grid = canvas(joints, 1, 1.3, 1.3, top=TOP + named.further)
     notes: list[str] = []
     for joint in range(joints):
         axes = figure.add_subplot(grid[joint, 0])
@@ -51,5 +54,5 @@ def _effort(drawn: Drawn) -> Picture:
         notes += panel(axes, curves, None, f"joint {joint + 1} torque [N m]", "N m", (0.0, drawn.end))
         mark_phases(axes, drawn)
         axes.set_xlabel("time [s]", labelpad=1.5)
-    legend(figure, drawn, False)
+    name_curves(figure, named)
     return Picture("effort", "Control effort", caption(drawn, "Commanded joint torque after limits.", notes), figure)

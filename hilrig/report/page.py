@@ -13,6 +13,7 @@ from typing import Any
 import pandas as pd
 from jinja2 import Environment, StrictUndefined
 
+from hilrig.experiment.expecting import ended_early
 from hilrig.recording.run_directory import messages_lost
 from hilrig.report.bounds_section import BoundsSection
 from hilrig.report.comparison import Verdict
@@ -80,6 +81,7 @@ def render_page(content: Content) -> str:
         answer=_answer(content),
         completed=[trial for trial in run.trials if trial.completed],
         excluded=[trial for trial in run.trials if not trial.completed],
+        early=ended_early([trial.outcome["outcome"] for trial in run.trials if run.as_expected(trial)]),
         repeats=len({trial.repeat for trial in run.trials}),
         expected=content.expected,
         sources=content.sources,

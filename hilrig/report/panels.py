@@ -10,15 +10,20 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 
 from hilrig.report.curves import Curve, limits, thin, window
 from hilrig.report.dataset import TrialEntry, TrialSignals
+from hilrig.report.legend import Legend, draw_legend, legend_of
 from hilrig.report.style import QUIET, REFERENCE, TWO_COLUMNS, Style, styles
 from hilrig.signals import Array
 
 TOP, BOTTOM, LEFT, RIGHT = 0.42, 0.42, 0.62, 0.1
 """Margins, inches"""
+MARK = 9.0
+"""Height of a row of marks, points"""
+OUTLINE = (withStroke(linewidth=1.6, foreground="#ffffff"),)
+"""Around the letters of a mark, so that it can be read over curves and hides little of them"""
 
 
 @dataclass(frozen=True)
@@ -87,7 +92,8 @@ def with_zoom(
     stretches = zoom_windows(drawn.phases, drawn.end)
     columns = min(3, len(stretches))
     rows = -(-len(stretches) // columns)
-    figure, grid = canvas(1 + rows, columns, 1.75, 1.35)
+    named = legend(drawn, reference is not None)
+    figure, grid = canvas(1 + rows, columns, 1.75, 1.35, top=TOP + named.further)
     whole = figure.add_subplot(grid[0, :])
     notes = list(panel(whole, curves, reference, f"{quantity} [{unit}]", unit, (0.0, drawn.end)))
     mark_phases(whole, drawn)
@@ -99,7 +105,7 @@ def with_zoom(
         whole.axvspan(start, end, color="#000000", alpha=0.045, linewidth=0)
     for axes in figure.axes:
         axes.set_xlabel("time [s]", labelpad=1.5)
-    legend(figure, drawn, reference is not None)
+    name_curves(figure, named)
     return Picture(name, title, caption(drawn, "Grey bands are enlarged below.", notes), figure)
 
 
@@ -163,23 +169,26 @@ def mark_phases(axes: Axes, drawn: Drawn) -> None:
         if 0 < phase["start"] < drawn.end:
             axes.axvline(phase["start"], color=QUIET, linewidth=0.6, linestyle=(0, (2, 2)))
     looks = styles(drawn.controllers)
-    for name, (trial, signals) in drawn.trials.items():
-        if not trial.completed:
-            ended = float(signals.record.time[-1])
-            axes.axvline(ended, color=looks[name].colour, linewidth=0.8, zorder=40)
-            axes.annotate(f"{name} {trial.outcome['outcome']}", (ended, 0.02), xycoords=("data", "axes fraction"),
-                          xytext=(3, 2), textcoords="offset points", fontsize=7, color=looks[name].colour)  # fmt: skip
+    early = {name: signals for name, (trial, signals) in drawn.trials.items() if not trial.completed}
+    for row, (name, signals) in enumerate(early.items()):
+        ended, outcome = float(signals.record.time[-1]), drawn.trials[name][0].outcome["outcome"]
+        axes.axvline(ended, color=looks[name].colour, linewidth=0.8, zorder=40)
+        # Each mark in a row of its own, towards the middle: none lies on another, none leaves the panel.
+        side = 1 if ended <= 0.6 * drawn.end else -1
+        axes.annotate(f"{name} {outcome}", (ended, 0.02), xycoords=("data", "axes fraction"),
+                      xytext=(3 * side, 2 + MARK * row), textcoords="offset points", fontsize=7, zorder=45,
+                      ha="left" if side > 0 else "right", color=looks[name].colour, path_effects=OUTLINE)  # fmt: skip
 
 
-def legend(figure: Figure, drawn: Drawn, reference: bool) -> None:
-    """Name the curves above the panels."""
+def legend(drawn: Drawn, reference: bool) -> Legend:
+    """Return the legend of the controllers drawn, laid out across the figure."""
     looks = {name: look for name, look in styles(drawn.controllers).items() if name in drawn.trials}
-    handles = [Line2D([], [], color=s.colour, linestyle=s.dash, label=name) for name, s in looks.items()]
-    if reference:
-        handles.insert(0, Line2D([], [], color=REFERENCE, linewidth=0.7, label="reference"))
-    height = figure.get_size_inches()[1]
-    figure.legend(handles=handles, loc="upper left", ncols=min(6, len(handles)), borderaxespad=0,
-                  bbox_to_anchor=(LEFT / TWO_COLUMNS, 1 - 0.06 / height), columnspacing=1.6)  # fmt: skip
+    return legend_of(looks, reference, TWO_COLUMNS - LEFT - RIGHT)
+
+
+def name_curves(figure: Figure, named: Legend) -> None:
+    """Name the curves above the panels."""
+    draw_legend(figure, named, LEFT / TWO_COLUMNS)
 
 
 def caption(drawn: Drawn, text: str, notes: list[str]) -> str:

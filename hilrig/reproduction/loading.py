@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from hilrig import document
-from hilrig.errors import ExperimentError, Problem, nearest
+from hilrig.errors import ExperimentError, Place, Problem, nearest
 from hilrig.experiment import Experiment, load
-from hilrig.experiment.loading import problems
+from hilrig.experiment.loading import is_experiment, problems
 from hilrig.reproduction.crosscheck import completed
 from hilrig.reproduction.model import Study
 from hilrig.schema import Context, InvalidError, read
@@ -33,6 +34,9 @@ def load_study(path: Path, overrides: Iterable[str] = ()) -> Loaded:
     Raises ExperimentError with everything that is wrong, each with its place.
     """
     source = document.read(path)
+    if is_experiment(source):
+        message = f"this is an experiment, not a study; type: hilrig run {shlex.quote(str(path))}"
+        raise ExperimentError([Problem(Place(str(path)), message)])
     try:
         study = read(Study, source.data, Context(path.resolve().parent))
     except InvalidError as error:

@@ -15,6 +15,7 @@ import pandas as pd
 
 from hilrig.recording.run_directory import make_directory, write_json
 from hilrig.report.dataset import RunData, TrialEntry, TrialSignals, load_run, read_signals
+from hilrig.report.expectations import Expected, judge
 from hilrig.report.measures import COLUMNS, all_metrics, table
 from hilrig.report.saving import write_figure
 from hilrig.reproduction.drawing import draw_figure
@@ -39,10 +40,27 @@ class _Read:
     """The trials that figures show, by id"""
 
 
+@dataclass(frozen=True)
+class Made:
+    """What a reproduction came to."""
+
+    judged: list[Judged]
+    """Its claims"""
+    expected: dict[str, list[Expected]]
+    """What each experiment expects of itself, by its name"""
+    ended_well: bool
+    """Whether every trial completed, or ended as expected"""
+
+    @property
+    def expectations(self) -> int:
+        """How many expectations there are"""
+        return sum(map(len, self.expected.values()))
+
+
 def make_reproduction(
     loaded: Loaded, runs: Mapping[str, Path], out: Path, command: str, overrides: Sequence[str] = (), jobs: int = 1
-) -> list[Judged]:
-    """Write the reproduction into `out` from a run of each experiment; return the judged claims.
+) -> Made:
+    """Write the reproduction into `out` from a run of each experiment; return what it came to.
 
     Writes index.html, README.md, figures/, claims.csv, metrics.csv and summary.json. All of it follows from the runs'
     signals and the study's file: the same trials make the same bytes. Raises RunDirectoryError if a run is none, or if
@@ -53,15 +71,17 @@ def make_reproduction(
     with _readers(jobs) as each:
         reads = {name: _read(loaded.study, name, load_run(runs[name]), each) for name in loaded.experiments}
     tables = {name: read.metrics for name, read in reads.items()}
-    trials = {name: read.data.trials for name, read in reads.items()}
+    data = {name: read.data for name, read in reads.items()}
+    trials = {name: run.trials for name, run in data.items()}
     judged = judge_claims(loaded.study.claims, tables, trials)
+    expected = {name: judge(run.experiment.get("expect") or [], tables[name], run.trials) for name, run in data.items()}
     pictures = [_picture(spec, reads[spec.experiment], out) for spec in loaded.study.figures]
     claims = pd.DataFrame(claim_rows(judged))
     claims.to_csv(out / "claims.csv", index=False, float_format=DIGITS)
     _all_metrics(tables).to_csv(out / "metrics.csv", index=False, float_format=DIGITS)
-    write_json(out / "summary.json", summary(loaded, judged, trials, overrides))
-    write_pages(Page(loaded, judged, pictures, trials, command, tuple(overrides)), out)
-    return judged
+    write_json(out / "summary.json", summary(loaded, judged, expected, data, overrides))
+    write_pages(Page(loaded, judged, pictures, expected, data, command, tuple(overrides)), out)
+    return Made(judged, expected, all(t.completed or run.as_expected(t) for run in data.values() for t in run.trials))
 
 
 def _all_metrics(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:

@@ -9,12 +9,13 @@ from pathlib import Path
 
 from jinja2 import Environment, StrictUndefined
 
-from hilrig.report.dataset import TrialEntry
+from hilrig.report.dataset import RunData
+from hilrig.report.expectations import Expected
 from hilrig.report.page import STYLE
 from hilrig.reproduction.evidence import Judged
 from hilrig.reproduction.loading import Loaded
 from hilrig.reproduction.model import FigureSpec
-from hilrig.reproduction.rows import counts, reason
+from hilrig.reproduction.rows import counts, ended, reason
 
 
 @dataclass(frozen=True)
@@ -36,8 +37,10 @@ class Page:
     loaded: Loaded
     judged: Sequence[Judged]
     pictures: Sequence[Picture]
-    trials: Mapping[str, Sequence[TrialEntry]]
-    """The planned trials of each experiment, by its name"""
+    expected: Mapping[str, Sequence[Expected]]
+    """What each experiment expects of itself, by its name"""
+    runs: Mapping[str, RunData]
+    """The run of each experiment, by its name"""
     command: str
     """What makes all of it"""
     overrides: tuple[str, ...]
@@ -56,9 +59,11 @@ def _render(page: Page, name: str, escape: bool) -> str:
     environment.filters["cell"] = _cell
     environment.filters["reason"] = reason
     template = environment.from_string(resources.files("hilrig.reproduction").joinpath(name).read_text("utf-8"))
-    lost = [(name, trial) for name, trials in page.trials.items() for trial in trials if not trial.completed]
+    lost = [(name, trial) for name, run in page.runs.items() for trial in run.trials if not trial.completed]
+    expectations = [(name, item) for name, items in page.expected.items() for item in items]
     return template.render(
         page=page, study=page.loaded.study, counts=counts(page.judged), style=STYLE, lost=lost,
+        expectations=expectations, ended={name: ended(run) for name, run in page.runs.items()},
         run_commands={name: _run_command(page, name) for name in page.loaded.experiments},
     )  # fmt: skip
 

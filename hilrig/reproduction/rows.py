@@ -6,7 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hilrig.report.dataset import TrialEntry
+from hilrig.experiment.expecting import ended_early
+from hilrig.report.dataset import RunData, TrialEntry
+from hilrig.report.expectations import Expected
 from hilrig.reproduction.evidence import Judged
 from hilrig.reproduction.loading import Loaded
 
@@ -36,18 +38,24 @@ def claim_rows(judged: Sequence[Judged]) -> list[dict[str, Any]]:
 
 
 def summary(
-    loaded: Loaded, judged: Sequence[Judged], trials: Mapping[str, Sequence[TrialEntry]], overrides: Sequence[str]
+    loaded: Loaded,
+    judged: Sequence[Judged],
+    expected: Mapping[str, Sequence[Expected]],
+    runs: Mapping[str, RunData],
+    overrides: Sequence[str],
 ) -> dict[str, Any]:
     """Return the result for programs."""
     experiments = [
         {
-            "name": name, "question": experiment.question, "trials": len(trials[name]),
-            "completed": sum(trial.completed for trial in trials[name]),
-            "not_completed": [{"trial": trial.id, "outcome": trial.outcome["outcome"], "reason": reason(trial)}
-                              for trial in trials[name] if not trial.completed],
+            "name": name, "question": experiment.question, "trials": len(runs[name].trials),
+            "completed": sum(trial.completed for trial in runs[name].trials),
+            "not_completed": [{"trial": trial.id, "outcome": trial.outcome["outcome"], "reason": reason(trial),
+                               "as_expected": runs[name].as_expected(trial)}
+                              for trial in runs[name].trials if not trial.completed],
         }
         for name, experiment in loaded.experiments.items()
     ]  # fmt: skip
+    expectations = [{"experiment": name, **_rounded(vars(item))} for name, items in expected.items() for item in items]
     claims = [
         {
             "number": i, "claim": item.claim.claim, "where": item.claim.where, "result": item.result,
@@ -59,7 +67,7 @@ def summary(
     ]  # fmt: skip
     return {
         "title": loaded.study.title, "overrides": list(overrides), "results": counts(judged),
-        "experiments": experiments,
+        "experiments": experiments, "expectations": expectations,
         "claims": claims, "figures": [spec.figure for spec in loaded.study.figures],
     }  # fmt: skip
 
@@ -81,3 +89,9 @@ def counts(judged: Sequence[Judged]) -> dict[str, int]:
 def reason(trial: TrialEntry) -> str:
     """Return why a trial did not complete; of a failure only that it failed, since its text names files."""
     return "see its log" if trial.outcome["outcome"] == "failed" else str(trial.outcome.get("reason", ""))
+
+
+def ended(run: RunData) -> str:
+    """Return how many trials of a run completed, and how many others ended as expected."""
+    early = ended_early([trial.outcome["outcome"] for trial in run.trials if run.as_expected(trial)])
+    return f"{sum(trial.completed for trial in run.trials)} of {len(run.trials)}{early}"

@@ -7,7 +7,7 @@ import shlex
 import threading
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -17,6 +17,7 @@ from typing import Any, Protocol
 
 from hilrig.errors import describe
 from hilrig.experiment import Experiment
+from hilrig.experiment.expecting import ends_as_expected
 from hilrig.plan.margins import margins
 from hilrig.recording.manifest import provenance
 from hilrig.recording.run_directory import create_run, trial_directory, write_json
@@ -73,7 +74,7 @@ def execute(
     manifest = _manifest(experiment, source, options)
     write_json(run / "manifest.json", manifest)
     began = time.monotonic()
-    outcomes = _Work(run, options, listener).through(trials)
+    outcomes = _Work(run, options, listener, plan["experiment"]["expect"]).through(trials)
     finished = datetime.now(UTC).isoformat(timespec="seconds")
     write_json(
         run / "manifest.json",
@@ -102,8 +103,8 @@ def _manifest(experiment: Experiment, source: Path, options: Options) -> dict[st
 class _Work:
     """The trials being run: `jobs` at a time, each with a slot of its own, which says on which cores."""
 
-    def __init__(self, run: Path, options: Options, listener: Listener) -> None:
-        self._run, self._options, self._listener = run, options, listener
+    def __init__(self, run: Path, options: Options, listener: Listener, expect: Sequence[Mapping[str, Any]]) -> None:
+        self._run, self._options, self._listener, self._expect = run, options, listener, expect
         self._failed = threading.Event()
         self._slots: queue.SimpleQueue[int] = queue.SimpleQueue()
         for slot in range(options.jobs):
@@ -137,7 +138,8 @@ class _Work:
         finally:
             self._slots.put(slot)
         write_json(trial_directory(self._run, trial.id) / "outcome.json", outcome.document())
-        if not outcome.completed:
+        expected = ends_as_expected(self._expect, trial.controller_name, trial.condition_name, outcome.outcome)
+        if not outcome.completed and not expected:
             self._failed.set()
         self._listener.ended(trial, outcome)
         return outcome

@@ -66,3 +66,37 @@ def test_without_a_completed_trial_nothing_is_met(hilrig, experiment, tmp_path: 
     (suite,) = ET.parse(tmp_path / "x.xml").getroot()
     assert [case.find("failure") is not None for case in suite] == [True] * 4
     assert "tripped: " in (suite[0][0].get("message") or "")
+
+
+TRIPS = "safety: {tip_force: 0.01 N}\nrepeats: 2\nexpect:\n  - {controller: pd, outcome: tripped}\n"
+BOTH = TRIPS + "  - {controller: softer, outcome: tripped, condition: noisy}\n"
+
+
+def test_trials_that_trip_as_expected_are_exit_0_and_no_failure(hilrig, experiment, tmp_path: Path) -> None:
+    """--fail-fast goes on after them, too."""
+    file = experiment(duration=0.2, controllers=TWO, more=BOTH)
+    done = hilrig("run", file, "--in-process", "--fail-fast", "--junit", "x.xml")
+    assert done.returncode == 0, done.stderr
+    ran, head, *lines = done.stdout.splitlines()
+    assert ran.endswith("(0 of 4 trials completed, 4 tripped as expected)")
+    assert head == "expected 2 of 2 met"
+    assert "outcome of pd " in lines[0]
+    assert "noisy: repeat 0, first of 2, tip force" in lines[0]
+    assert " at t = " in lines[0]
+    (suite,) = ET.parse(tmp_path / "x.xml").getroot()
+    assert (suite.get("tests"), suite.get("failures")) == ("6", "0")
+
+
+def test_a_trip_that_nobody_expects_is_exit_1_beside_one_that_is_expected(hilrig, experiment) -> None:
+    done = hilrig("run", experiment(duration=0.2, controllers=TWO, more=TRIPS), "--in-process", "--no-report")
+    assert done.returncode == 1
+    assert "(0 of 4 trials completed, 2 tripped as expected)" in done.stdout
+    assert "expected 1 of 1 met" in done.stdout
+
+
+def test_a_trial_that_completes_instead_is_exit_1(hilrig, experiment) -> None:
+    more = "expect: [{controller: pd, outcome: tripped}]"
+    done = hilrig("run", experiment(duration=0.2, more=more), "--in-process", "--no-report")
+    assert done.returncode == 1
+    assert "(1 of 1 trials completed)" in done.stdout
+    assert "not met  outcome of pd  completed  tripped  (noisy: repeat 0, completed at t = 0.2 s)" in done.stdout

@@ -157,6 +157,30 @@ BROKEN: dict[str, tuple[str, str, tuple[str, ...]]] = {
         "period: 1 ms", "expect: [{metric: force_rmse, controller: pd, below: §1 m}]", ("'1 m' is a length", "a force"),
     ),
     "nothing expected": ("period: 1 ms", "expect: [§{metric: force_rmse, controller: pd}]", ("'below' or 'above'",)),
+    "nothing expected at all": ("period: 1 ms", "expect: [§{controller: pd}]", ("nothing is expected", "'metric'", "or 'outcome'")),
+    "expected end and metric": (
+        "period: 1 ms", "expect: [{metric: force_rmse, controller: pd, §outcome: tripped, below: 1 N}]", ("both given",),
+    ),
+    "expected end of a kind unknown": (
+        "period: 1 ms", "expect: [{controller: pd, outcome: §triped}]", ("'triped'", "did you mean 'tripped'", "completed"),
+    ),
+    "expected end that is a fault": ("period: 1 ms", "expect: [{controller: pd, outcome: §failed}]", ("not allowed", "completed")),
+    "expected end of a phase": (
+        "period: 1 ms", "expect: [{controller: pd, outcome: tripped, §phase: all}]", ("'phase' does not go with 'outcome'",),
+    ),
+    "expected end along an axis": (
+        "period: 1 ms", "expect: [{controller: pd, outcome: tripped, §axis: z}]", ("'axis' does not go with 'outcome'",),
+    ),
+    "expected end with a limit": (
+        "period: 1 ms", "expect: [{controller: pd, outcome: tripped, §below: 1 N}]", ("'below' does not go with 'outcome'",),
+    ),
+    "expected end less another": (
+        "period: 1 ms", "expect: [{controller: pd, outcome: tripped, §minus: pd}]", ("'minus' does not go with 'outcome'",),
+    ),
+    "expected end of nobody": ("period: 1 ms", "expect: [{controller: §pdd, outcome: tripped}]", ("'pdd'", "'pd'")),
+    "expected end in no condition": (
+        "period: 1 ms", "expect: [{controller: pd, outcome: tripped, condition: §noise}]", ("'noise'", "'noisy'"),
+    ),
     # what only the plan finds
     "out of reach": (
         "amplitude: 0.1 m", "amplitude: 0.6 m", ("phase 'first'", "t = 0.", "x = 0.4", "z = 0.35 m", "out of reach"),
@@ -240,6 +264,20 @@ def test_files_that_are_no_experiment(tmp_path: Path, content: bytes, words: str
     message, error = problems_of(path)
     assert words in message
     assert len(error.problems) == 1
+
+
+@pytest.mark.parametrize("text", ["claims: []\n", "hilrig: 1\ntitle: T\nexperiments: [a.yaml]\n"])
+def test_a_study_is_told_in_one_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "my study.yaml"
+    path.write_text(text)
+    with pytest.raises(ExperimentError) as caught:
+        load(path, ["repeats=2"])
+    assert str(caught.value) == f"{path}: this is a study, not an experiment; type: hilrig reproduce '{path}'"
+
+
+def test_an_experiment_with_a_key_of_a_study_is_still_an_experiment(tmp_path: Path) -> None:
+    path, _ = broken_file(tmp_path, GOOD + "claims: []\n")
+    assert "unknown key 'claims'" in problems_of(path)[0]
 
 
 def test_missing_file_and_directory(tmp_path: Path) -> None:

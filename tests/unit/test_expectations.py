@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report_builders import metric_table, trial_entry
 
+from hilrig.experiment.expecting import ended_early, ends_as_expected
 from hilrig.report.comparison import verdict
+from hilrig.report.dataset import TrialEntry
 from hilrig.report.expectations import Expected, judge
 from hilrig.report.measures import COLUMNS
 
@@ -217,3 +220,71 @@ def test_values_are_plain_numbers() -> None:
     """As JSON needs them."""
     found = difference([1.0, 1.1, 1.2], [5.0, 5.1, 5.3], below=0.0)
     assert not any(isinstance(value, np.generic) for value in (found.value, found.low, found.high, found.met))
+
+
+TRIP = "tip force 201 N at t = 0.3 s (tick 300) is over the limit of 200 N"
+
+
+def ended(*outcomes: str, condition: str = "quiet") -> tuple[TrialEntry, ...]:
+    """Return trials of controller a that ended so, one a repeat; a trip has a reason with its time, as the rig's."""
+    reasons = {
+        "tripped": "tip force 201 N at t = 0.3 s (tick 300) is over the limit of 200 N",
+        "failed": "/tmp/x broke",
+    }
+    return tuple(
+        replace(trial, outcome={**trial.outcome, "reason": reasons.get(outcome, ""), "ticks": 400})
+        for i, outcome in enumerate(outcomes)
+        if (trial := trial_entry("a", condition, i, outcome))
+    )
+
+
+def outcome_of(trials: tuple[TrialEntry, ...], outcome: str, condition: str | None = None) -> Expected:
+    (found,) = judge([{"controller": "a", "outcome": outcome, "condition": condition}], metric_table({}), trials)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "wanted", "met", "seen", "basis"),
+    [
+        (("tripped",), "tripped", True, "tripped", f"quiet: repeat 0, {TRIP}"),
+        (("tripped",) * 3, "tripped", True, "tripped", f"quiet: repeat 0, first of 3, {TRIP}"),
+        (("completed",), "completed", True, "completed", "quiet: repeat 0, completed at t = 0.4 s"),
+        (("tripped", "completed", "tripped"), "tripped", False, "2 tripped, 1 completed",
+         "quiet: repeat 1, first of 3, completed at t = 0.4 s"),
+        (("completed", "tripped"), "completed", False, "1 completed, 1 tripped",
+         f"quiet: repeat 1, first of 2, {TRIP}"),
+        (("failed",), "tripped", False, "failed", "quiet: repeat 0, see its log at t = 0.4 s"),
+        (("damaged",), "completed", False, "damaged", "quiet: repeat 0, damaged at t = 0.4 s"),
+        ((), "tripped", False, "nothing", "there is no such trial"),
+    ],
+)  # fmt: skip
+def test_an_outcome_is_that_of_every_trial(
+    outcomes: tuple[str, ...], wanted: str, met: bool, seen: str, basis: str
+) -> None:
+    found = outcome_of(ended(*outcomes), wanted)
+    assert (found.met, found.seen, found.basis) == (met, seen, basis)
+    assert (found.subject, found.limit, found.missing, found.value) == ("outcome of a", wanted, 0, None)
+
+
+def test_an_outcome_speaks_of_its_controller_and_condition_alone() -> None:
+    other = (trial_entry("b", outcome="completed"),)
+    trials = (*ended("tripped"), *ended("completed", condition="rough"), *other)
+    assert outcome_of(trials, "tripped", "quiet").met
+    assert outcome_of(trials, "tripped", "quiet").subject == "outcome of a, quiet"
+    assert not outcome_of(trials, "tripped", "rough").met
+    assert not outcome_of(trials, "tripped").met
+
+
+def test_a_trial_ends_as_expected_only_where_an_expectation_says_so() -> None:
+    metric = {"controller": "a", "metric": "force_rmse", "outcome": None, "condition": None, "below": 1.0}
+    rough = {"controller": "a", "outcome": "tripped", "condition": "rough"}
+    assert ends_as_expected([metric, rough], "a", "rough", "tripped")
+    for case in (("b", "rough", "tripped"), ("a", "quiet", "tripped"), ("a", "rough", "completed")):
+        assert not ends_as_expected([metric, rough], *case)
+    assert ends_as_expected([{**rough, "condition": None}], "a", "quiet", "tripped")
+    assert not ends_as_expected([metric], "a", "quiet", "completed"), "a metric says nothing of the end"
+
+
+def test_only_trials_that_did_not_complete_are_told_beside_those_that_did() -> None:
+    assert ended_early(["tripped", "completed", "tripped"]) == ", 2 tripped as expected"
+    assert ended_early(["completed"]) == ""

@@ -93,6 +93,13 @@ def test_expectations_are_in_the_metrics_unit(path: Path) -> None:
     assert (expectation.below, expectation.above) == (pytest.approx(5e-3), None)
 
 
+def test_an_expected_outcome_has_no_phase_and_a_metric_has_the_whole_trial(path: Path) -> None:
+    path.write_text(TEXT + "expect: [{controller: pd, outcome: tripped}, {metric: effort, controller: pd, below: 1}]\n")
+    outcome, metric = load(path).to_document()["expect"]
+    assert (outcome["outcome"], outcome["metric"], outcome["phase"]) == ("tripped", None, None)
+    assert (metric["outcome"], metric["metric"], metric["phase"]) == (None, "effort", "all")
+
+
 def test_the_document_is_json_in_si_numbers(path: Path) -> None:
     document = json.loads(json.dumps(load(path).to_document()))
     assert document["driver"]["surface"]["position"] == pytest.approx(0.35)

@@ -92,3 +92,17 @@ def test_a_reason_may_hold_any_character(reason: str) -> None:
     message = failure.get("message", "").removeprefix("failed: ")
     assert len(message) == len(reason)
     assert all(c == d for c, d in zip(message, reason, strict=True) if d.isprintable())
+
+
+@pytest.mark.parametrize(("condition", "failures"), [(None, 0), ("quiet", 0), ("rough", 1)])
+def test_a_trial_that_trips_as_expected_is_no_failure(condition: str | None, failures: int) -> None:
+    data = run_of({"outcome": "tripped", "reason": "force above 200 N"}, {"outcome": "completed"})
+    expect = [{"controller": "a", "outcome": "tripped", "condition": condition}]
+    root = ET.fromstring(junit_xml(replace(data, experiment={"expect": expect}), []))
+    assert root[0].get("failures") == str(failures)
+    assert [len(case) for case in root[0]] == [failures, 0]
+
+
+def test_only_the_expected_end_is_no_failure() -> None:
+    data = replace(run_of({"outcome": "failed"}), experiment={"expect": [{"controller": "a", "outcome": "tripped"}]})
+    assert ET.fromstring(junit_xml(data, []))[0].get("failures") == "1"

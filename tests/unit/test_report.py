@@ -177,3 +177,13 @@ def test_not_a_run(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_a_number_has_three_digits(value: float | None, text: str) -> None:
     assert number(value) == text
+
+
+def test_a_trial_that_trips_as_expected_is_told_so_and_left_out(tmp_path: Path) -> None:
+    expect = ({"controller": "large", "outcome": "tripped"},)
+    run = make_run(tmp_path / "run", SIZES, repeats=1, failed=("large.quiet.0",), expect=expect)
+    page, summary = report(run, tmp_path)
+    assert "1 of 2 trials completed, 1 tripped as expected" in page
+    assert '<td class="left good">tripped, as expected</td>' in page
+    assert [item["met"] for item in summary["expectations"]] == [True]
+    assert set(pd.read_csv(tmp_path / "out" / "metrics.csv")["controller"]) == {"small"}

@@ -42,7 +42,7 @@ conditions:
   quiet: []
 controllers:
   small: {kind: pd}
-  large: {kind: adaptive}
+  large: {kind: tde_sliding_mode}
 """
 
 STUDY = """\
@@ -52,8 +52,7 @@ out: out
 experiments: [tiny.yaml]
 figures:
   - {figure: "4", title: Place, experiment: tiny, condition: quiet, controllers: [small], quantity: position, axis: x}
-  - {figure: "5", title: Estimates, experiment: tiny, condition: quiet, controllers: [large],
-     quantity: memory.parameter_estimate}
+  - {figure: "5", title: Estimate, experiment: tiny, condition: quiet, controllers: [large], quantity: memory.estimate}
 claims:
   - claim: Small is better | always.
     where: V
@@ -61,15 +60,13 @@ claims:
     parts:
       - {experiment: tiny, condition: quiet, controller: small, metric: position_rmse, axis: x, phase: after,
          less_than: {controller: large}}
-      - {experiment: tiny, condition: quiet, controller: large, metric: memory_peak.parameter_estimate, axis: "1",
-         below: 2}
+      - {experiment: tiny, condition: quiet, controller: large, metric: memory_peak.estimate, axis: x, below: 2}
   - claim: It works on the robot.
     where: VI
     undecided: Needs the robot.
 """
 
 Write = Callable[..., Path]
-NO_FIELD = ("no field 'parameter_estimat'", "did you mean 'parameter_estimate'")
 
 
 @pytest.fixture
@@ -98,11 +95,7 @@ def write(tmp_path: Path) -> Write:
         ("[small]", "[smal]", ("no controller 'smal'", "did you mean 'small'")),
         ("[small]", "[]", ("there are no controllers",)),
         ("quantity: position", "quantity: positon", ("no quantity 'positon'", "did you mean 'position'")),
-        (
-            "memory.parameter_estimate}",
-            "memory.parameter_estimat}",
-            NO_FIELD,
-        ),
+        ("memory.estimate}", "memory.estimat}", ("no field 'estimat'", "did you mean 'estimate'")),
         ("position, axis: x}", "position, axis: z}", ("no axis 'z'", "known: x")),
         ("[small], quantity: position, axis: x", "[small, large], quantity: position", ("'axis' is missing",)),
         ("axis: x}", "axis: x, zoom: [2 s, 1 s]}", ("ends before it begins",)),
@@ -110,18 +103,14 @@ def write(tmp_path: Path) -> Write:
         ('figure: "5"', 'figure: "4"', ("'4' is here twice",)),
         ('figure: "4"', 'figure: "../4"', ("is no number of a figure",)),
         ("metric: position_rmse", "metric: position_rms", ("no metric 'position_rms'", "'position_rmse'")),
-        (
-            "memory_peak.parameter_estimate",
-            "memory_peak.parameter_estimat",
-            NO_FIELD,
-        ),
-        ('memory_peak.parameter_estimate, axis: "1"', "memory_peak.parameter_estimate", ("'axis' is missing",)),
+        ("memory_peak.estimate", "memory_peak.estimat", ("no field 'estimat'", "did you mean 'estimate'")),
+        ("memory_peak.estimate, axis: x", "memory_peak.estimate", ("'axis' is missing",)),
         ("phase: after", "phase: afer", ("no phase 'afer'", "did you mean 'after'")),
         ("{controller: large}", "{controller: larg}", ("no controller 'larg'", "did you mean 'large'")),
         ("{controller: large}", "{controller: small}", ("this is the same value",)),
         ("less_than: {controller: large}", "below: 2 N", ("'2 N' is a force", "length")),
         ("below: 2", "below: 2, above: 1", ("below and above are too many",)),
-        (",\n         below: 2", "", ("nothing is claimed", "less_than")),
+        (", below: 2", "", ("nothing is claimed", "less_than")),
         ("    undecided: Needs the robot.\n", "", ("either 'parts'",)),
         ("    reason: By eye.\n", "    undecided: Why?\n", ("either 'parts'",)),
     ],
@@ -140,9 +129,9 @@ def test_limits_are_in_the_metrics_unit(write: Write) -> None:
     assert loaded.study.claims[0].parts[0].below == pytest.approx(0.015)
 
 
-def run_of_tiny(path: Path, failed: tuple[str, ...] = ()) -> Path:
+def run_of_tiny(path: Path, failed: tuple[str, ...] = (), expect: tuple[dict, ...] = ()) -> Path:
     """Write a run of the tiny experiment with made-up signals; `large` has errors three times as large."""
-    run = make_run(path, {"small": 1.0, "large": 3.0}, repeats=10, seconds=0.2, failed=failed)
+    run = make_run(path, {"small": 1.0, "large": 3.0}, repeats=10, seconds=0.2, failed=failed, expect=expect)
     (run / "experiment.yaml").write_text(EXPERIMENT)
     manifest = {**read_json(run / "manifest.json"), "name": "tiny", "overrides": []}
     (run / "manifest.json").write_text(json.dumps(manifest))
@@ -181,11 +170,11 @@ def test_the_files_say_what_was_found(write: Write, tmp_path: Path) -> None:
     assert claims["result"].tolist()[:2] == ["reproduced", "reproduced"]
     # The errors are 10 mm cos 3t and 30 mm cos 3t: of the whole difference two thirds of the larger.
     assert claims["mean"][0] == pytest.approx(-2 / 3 * claims["against"][0])
-    # The made-up estimates are k / N at tick k.
+    # The made-up estimate is k / N at tick k.
     assert claims["mean"][1] == pytest.approx(1.0)
     metrics = pd.read_csv(tmp_path / "out" / "metrics.csv", keep_default_na=False)
     assert set(metrics["experiment"]) == {"tiny"}
-    assert "memory_peak.parameter_estimate" in set(metrics["metric"])
+    assert "memory_peak.estimate" in set(metrics["metric"])
     page, readme = files["index.html"].decode(), files["README.md"].decode()
     for text in (page, readme):
         for words in ("hilrig reproduce study.yaml", "hilrig run tiny.yaml", "Needs the robot.", "By eye."):
@@ -203,6 +192,57 @@ def test_trials_that_did_not_complete_are_told(write: Write, tmp_path: Path) -> 
     for name in ("index.html", "README.md"):
         assert "force above 200 N at t = 0.5 s" in files[name].decode()
         assert "1 of 10 trials of large did not complete (tripped)" in files[name].decode()
+
+
+LARGE = tuple(f"large.quiet.{i}" for i in range(10))
+TRIPS = {"controller": "large", "outcome": "tripped"}
+SMALL = {"controller": "small", "metric": "position_rmse", "phase": "all", "below": 1e-6}
+
+
+def test_what_experiments_expect_is_a_table_of_its_own(write: Write, tmp_path: Path) -> None:
+    run = run_of_tiny(tmp_path / "run", LARGE, (TRIPS, SMALL))
+    files = made(write(), run, tmp_path / "out")
+    summary = json.loads(files["summary.json"])
+    assert [(item["experiment"], item["met"]) for item in summary["expectations"]] == [("tiny", True), ("tiny", False)]
+    assert all(trial["as_expected"] for trial in summary["experiments"][0]["not_completed"])
+    basis = "quiet: repeat 0, first of 10, force above 200 N at t = 0.5 s"
+    page, readme = files["index.html"].decode(), files["README.md"].decode()
+    row = (
+        r"<td>tiny</td><td.*?>outcome of large</td><td.*?>tripped</td><td>tripped</td><td.*?>met</td><td.*?>(.*?)</td>"
+    )
+    assert re.findall(row, page) == [basis]
+    assert f"| tiny | outcome of large | tripped | tripped | met | {basis} |" in readme
+    assert "| position\\_rmse of small, phase all | below 1e-06 m | 0." in readme
+    for text in (page, readme):
+        assert "1 of 2 met" in text
+        assert "tripped, as expected" in text
+        assert "10 of 20, 10 tripped as expected" in text
+
+
+@pytest.mark.parametrize(
+    ("failed", "expect", "ended_well", "met"),
+    [
+        ((), (), True, []),
+        (LARGE, (TRIPS,), True, [True]),
+        (LARGE, (), False, []),
+        (LARGE[:1], (TRIPS,), True, [False]),
+        ((*LARGE, "small.quiet.0"), (TRIPS,), False, [True]),
+    ],
+)
+def test_trials_end_well_if_they_complete_or_end_as_expected(
+    write: Write, tmp_path: Path, failed: tuple[str, ...], expect: tuple[dict, ...], ended_well: bool, met: list[bool]
+) -> None:
+    run = run_of_tiny(tmp_path / "run", failed, expect)
+    found = make_reproduction(load_study(write()), {"tiny": run}, tmp_path / "out", "")
+    assert found.ended_well == ended_well
+    assert [item.met for item in found.expected["tiny"]] == met
+
+
+def test_an_experiment_is_no_study_and_says_so_in_one_line(write: Write) -> None:
+    path = write().parent / "tiny.yaml"
+    with pytest.raises(ExperimentError) as caught:
+        load_study(path)
+    assert str(caught.value) == f"{path}: this is an experiment, not a study; type: hilrig run {path}"
 
 
 def panel(tmp_path: Path, **changes: Any) -> Figure:
@@ -226,12 +266,8 @@ def panel(tmp_path: Path, **changes: Any) -> Figure:
         ({"quantity": "force", "axis": "z"}, "force z [N]", ["reference", "small"]),
         ({"quantity": "force_error", "axis": None}, "force error [N]", ["small"]),
         ({"quantity": "auxiliary_error", "axis": None}, "auxiliary error [N]", ["x", "z"]),
-        (
-            {"quantity": "memory.parameter_estimate", "axis": None},
-            "parameter estimate [SI, not stated]",
-            ["1", "2", "3"],
-        ),
-        ({"quantity": "memory.parameter_estimate", "axis": "2"}, "parameter estimate 2 [SI, not stated]", ["small"]),
+        ({"quantity": "memory.gains", "axis": None}, "gains [SI, not stated]", ["1", "2", "3"]),
+        ({"quantity": "memory.gains", "axis": "2"}, "gains 2 [SI, not stated]", ["small"]),
     ],
 )
 def test_a_figure_is_one_panel_with_its_labels(

@@ -1,0 +1,88 @@
+"""Whether what an experiment expects fits the experiment, and when the end of a trial is as expected."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+from hilrig import plugins
+from hilrig.errors import nearest
+from hilrig.experiment.model import Expectation, Experiment
+from hilrig.quantities import quantity
+from hilrig.schema import Finding
+from hilrig.trial import ALL_PHASES
+
+OF_A_METRIC = ("minus", "phase", "axis", "below", "above")
+"""Keys that say something of a metric, and nothing of an outcome"""
+
+
+def ends_as_expected(expect: Iterable[Mapping[str, Any]], controller: str, condition: str, outcome: str) -> bool:
+    """Return whether one of the expectations, as plan.json has them, says that such a trial ends with this outcome."""
+    return any(
+        item.get("outcome") == outcome and item["controller"] == controller
+        and item.get("condition") in (None, condition)
+        for item in expect
+    )  # fmt: skip
+
+
+def ended_early(as_expected: Iterable[str]) -> str:
+    """Return what is said beside the number of completed trials, from the outcomes that are as expected; "" if none."""
+    counts = Counter(outcome for outcome in as_expected if outcome != "completed")
+    return "".join(f", {count} {outcome} as expected" for outcome, count in counts.items())
+
+
+def check_expectation(experiment: Experiment, expectation: Expectation, index: int) -> Iterator[Finding]:
+    """Yield what is wrong with one expectation: names that are unknown, keys that do not go together."""
+    controllers = tuple(experiment.controllers)
+    choices = {
+        "metric": ("metric", plugins.kinds("metrics")),
+        "controller": ("controller", controllers),
+        "minus": ("controller", controllers),
+        "phase": ("phase", (*(phase.name for phase in experiment.phases), ALL_PHASES)),
+        "axis": ("axis", experiment.driver.robot.axes),
+        "condition": ("condition", tuple(experiment.conditions)),
+    }
+    for name, (what, known) in choices.items():
+        value = getattr(expectation, name)
+        if value is not None and value not in known:
+            message = f"there is no {what} '{value}'{nearest(value, known)} (known: {', '.join(known)})"
+            yield Finding(("expect", index, name), message)
+    if expectation.minus == expectation.controller:
+        others = ", ".join(name for name in controllers if name != expectation.minus) or "none"
+        message = f"'{expectation.minus}' minus itself is always zero; name another controller (others: {others})"
+        yield Finding(("expect", index, "minus"), message)
+    yield from _check_form(expectation, index)
+
+
+def _check_form(expectation: Expectation, index: int) -> Iterator[Finding]:
+    """Yield what is wrong with the keys that are given, whatever their values."""
+    if expectation.outcome is not None and expectation.metric is not None:
+        message = "'metric' and 'outcome' are both given; an expectation has one of them, so write two"
+        yield Finding(("expect", index, "outcome"), message, on_key=True)
+    elif expectation.outcome is not None:
+        for name in OF_A_METRIC:
+            if getattr(expectation, name) is not None:
+                message = f"'{name}' does not go with 'outcome', which is that of whole trials (allowed: condition)"
+                yield Finding(("expect", index, name), message, on_key=True)
+    elif expectation.metric is None:
+        yield Finding(("expect", index), "nothing is expected; give 'metric' with 'below' or 'above', or 'outcome'")
+    elif expectation.below is None and expectation.above is None:
+        yield Finding(("expect", index), "nothing is expected of the metric; give 'below' or 'above'")
+
+
+def complete_expectation(expectation: Expectation, index: int, findings: list[Finding]) -> Expectation:
+    """Return the expectation with its phase, in its metric's unit; what cannot be converted is added to `findings`."""
+    if expectation.metric not in plugins.kinds("metrics"):
+        return expectation
+    unit = plugins.load("metrics", expectation.metric).unit
+    expectation = replace(expectation, phase=expectation.phase or ALL_PHASES)
+    for name in ("below", "above"):
+        value = getattr(expectation, name)
+        if value is not None:
+            try:
+                expectation = replace(expectation, **{name: quantity(value, unit)})
+            except ValueError as error:
+                findings.append(Finding(("expect", index, name), str(error)))
+    return expectation
