@@ -23,7 +23,7 @@ class TwoLink(PlanarArm):
     F_e is the contact of `surface` (normal along the last task axis) plus any external tip force;
     F(q') = f tanh(q'/5e-3) + b q', with `coulomb` f and `viscous` b per joint.
     `coriolis` = printed takes the paper's C, whose second row is [0, h q2'] instead of [h q1', 0], h = m2 c2 l1 sin q2:
-    M' - 2C is then not skew-symmetric, and the arm makes energy from nothing.
+    M' - 2C is then not skew-symmetric, and the arm makes and loses energy of itself.
     """
 
     abilities: ClassVar[Abilities] = Abilities(("lockstep", "realtime"), PLANT_INPUTS, simulated=True)

@@ -150,7 +150,8 @@ def _subject(part: Part) -> str:
     """Return what is measured, in words."""
     metric = part.metric.replace("_rmse", " RMSE").replace("memory_rms.", "RMS of ").replace("memory_peak.", "peak of ")
     where = "whole trial" if part.phase == ALL_PHASES else part.phase
-    name = f"{metric.replace('_', ' ')} {part.axis}".strip()
+    axis = f", component {part.axis}" if part.axis.isdigit() else f" {part.axis}" if part.axis else ""
+    name = metric.replace("_", " ") + axis
     return f"{name}, {part.controller} ({part.experiment}, {part.condition}, {where})"
 
 
