@@ -17,27 +17,37 @@ if TYPE_CHECKING:
 
 def warnings(experiment: Experiment, found: Margins) -> list[Problem]:
     """Return a warning for every bound that is not kept, and for what cannot be judged; the experiment runs anyway."""
-    spoken = [*_of_estimators(found.estimators), *_of_flights(found.flights)]
+    spoken = [*_of_controllers(found.estimators), *_of_flights(found.flights)]
     return [Problem(experiment.place(*path), message) for path, message in spoken]
 
 
-def _of_estimators(estimators: dict[str, Estimator]) -> Iterator[tuple[Keys, str]]:
+def _of_controllers(estimators: dict[str, Estimator]) -> Iterator[tuple[Keys, str]]:
+    """Yield each warning once, at the first of the controllers that it is for."""
+    names: dict[tuple[Keys, str], list[str]] = {}
     for name, estimator in estimators.items():
-        broken = {check.bound: check for check in estimator.checks if not check.kept}
-        at, who = ("controllers", name), f"controller '{name}': "
-        if "delay_derived" in broken:
-            best = next(check for check in estimator.checks if check.bound == "delay_best")
-            yield at, who + _delay(broken["delay_derived"], best)
-        for bound, words in (("inertia_lower", _too_small), ("inertia_upper", _too_large), ("mismatch", _mismatch)):
-            if bound in broken:
-                yield (*at, "inertia_estimate"), who + words(broken[bound])
-        for reason in estimator.unknown:
-            yield at, who + reason
+        for below, text in _of_estimator(estimator):
+            names.setdefault((below, text), []).append(name)
+    for (below, text), mine in names.items():
+        who = "controller" if len(mine) == 1 else "controllers"
+        listed = ", ".join(f"'{name}'" for name in mine)
+        yield ("controllers", mine[0], *below), f"{who} {listed}: {text}"
+
+
+def _of_estimator(estimator: Estimator) -> Iterator[tuple[Keys, str]]:
+    broken = {check.bound: check for check in estimator.checks if not check.kept}
+    if "delay_derived" in broken:
+        best = next(check for check in estimator.checks if check.bound == "delay_best")
+        yield (), _delay(broken["delay_derived"], best)
+    for bound, words in (("inertia_lower", _too_small), ("inertia_upper", _too_large), ("mismatch", _mismatch)):
+        if bound in broken:
+            yield ("inertia_estimate",), words(broken[bound])
+    for reason in estimator.unknown:
+        yield (), reason
 
 
 def _delay(given: Check, best: Check) -> str:
     where = f" in {given.where}" if given.where else ""
-    delay = f"its delay of {_ms(given.value)}{where}"
+    delay = f"the delay of {_ms(given.value)}{where}"
     paper = f"nu = {PAPER_NU:g}, kappa = {PAPER_KAPPA:g}"
     if best.kept:
         return (

@@ -226,3 +226,13 @@ def test_a_users_law_gets_the_same_checks(tmp_path: Path) -> None:
     found: Margins = margins(plan(load(tmp_path / "mine.yaml")))
     broken = {check.bound for check in found.estimators["mine"].checks if not check.kept}
     assert broken == {"delay_printed", "delay_derived", "inertia_upper"}
+
+
+def test_what_several_controllers_hear_is_said_once() -> None:
+    experiment = load(EXPERIMENTS / "paper" / "errata.yaml")
+    (message,) = [str(problem) for problem in warnings(experiment, margins(plan(experiment)))]
+    line = next(i for i, text in enumerate((EXPERIMENTS / "paper" / "errata.yaml").read_text().splitlines(), 1)
+                if text.startswith("  as_read:"))  # fmt: skip
+    assert f"errata.yaml:{line}:" in message
+    assert "controllers 'as_read', 'no_preload', 'printed_lyapunov'" in message
+    assert message.count("over the 0.75 ms") == 1
