@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from hilrig.kernel import jitable
+from hilrig.kernel import kernel_without_arrays
 from hilrig.kernel_interfaces import Sight
 from hilrig.loop import filter_velocity, limit
 from hilrig.safety import extent
@@ -94,39 +94,25 @@ law_step: Callable[[Any, Any, State, Reference], Array] = cast(Any, None)
 
 def sense_template(tick: int, plant: Any, state: Array, robot: Any, rig: Rig, track: Track) -> bool:
     """Measure at `tick`, fill in what the law is given, and return whether it is safe to go on."""
-    row, now = track.done[0], nudge(rig.inputs, tick)
-    exact = rig.sight
-    track.surface[row] = plant_observe(plant, state, now, exact)
+    row, exact, seen, wanted = track.done[0], rig.sight, rig.seen, rig.wanted
+    track.surface[row] = plant_observe(plant, state, nudge(rig.inputs, tick), exact)
     finite, force, step = extent(exact.joint_position, rig.last_exact, exact.wrench)
     if not finite or force > rig.tip_force_limit or step / rig.period > rig.joint_velocity_limit:
         return False
     put(rig.last_exact, exact.joint_position)
-    slot = tick % rig.past.joint_position.shape[0]
-    put(rig.past.joint_position[slot], exact.joint_position)
-    put(rig.past.wrench[slot], exact.wrench)
-    put(rig.past.applied_torque[slot], exact.applied_torque)
-    slot = (tick - min(int(rig.inputs.measurement_delay[tick]), tick)) % rig.past.joint_position.shape[0]
-    seen, q, wrench = rig.seen, track.state.joint_position[row], track.state.wrench[row]
-    for i in range(q.size):
-        q[i] = rig.past.joint_position[slot, i] + rig.inputs.joint_error[tick, i]
-    for i in range(wrench.size):
-        wrench[i] = rig.past.wrench[slot, i] + rig.inputs.wrench_error[tick, i]
-    put(track.state.applied_torque[row], rig.past.applied_torque[slot])
-    put(track.truth.joint_position[row], exact.joint_position)
-    put(track.truth.joint_velocity[row], exact.joint_velocity)
-    put(track.truth.position[row], exact.position)
-    put(track.truth.velocity[row], exact.velocity)
-    put(track.truth.wrench[row], exact.wrench)
+    report(tick, row, rig, track)
+    note_truth(row, exact, track.truth)
     track.done[0] = row + 1
-    filter_velocity(rig.seen.joint_velocity, q, seen.joint_position, rig.period, rig.smoothing)
+    q, wrench = track.state.joint_position[row], track.state.wrench[row]
+    filter_velocity(seen.joint_velocity, q, seen.joint_position, rig.period, rig.smoothing)
     put(seen.joint_position, q)
     robot_kinematics(robot, q, seen.joint_velocity, rig.at)
     for i in range(seen.force.size):
         seen.force[i] = wrench[rig.force_index[i]]
-    put(rig.wanted.position, rig.references.position[tick])
-    put(rig.wanted.velocity, rig.references.velocity[tick])
-    put(rig.wanted.acceleration, rig.references.acceleration[tick])
-    put(rig.wanted.force, rig.references.force[tick])
+    put(wanted.position, rig.references.position[tick])
+    put(wanted.velocity, rig.references.velocity[tick])
+    put(wanted.acceleration, rig.references.acceleration[tick])
+    put(wanted.force, rig.references.force[tick])
     return True
 
 
@@ -134,21 +120,68 @@ def act_template(
     tick: int, wished: Array, memory: tuple[Array, ...], plant: Any, state: Array, rig: Rig, track: Track
 ) -> bool:
     """Let the law's torque, limited, take effect after its delay; return whether it was finite."""
-    row, seen, torque = track.done[1], rig.seen, rig.seen.torque
+    row, slots = track.done[1], rig.commands.torque.shape[0]
     put(rig.wished, wished)
-    if not limit(torque, wished, rig.torque_limit):
+    if not limit(rig.seen.torque, wished, rig.torque_limit):
         return False
-    slots = rig.commands.torque.shape[0]
-    slot = tick % slots
-    position = rig.commands.position[slot]
-    put(rig.commands.torque[slot], torque)
+    slot, due = tick % slots, (tick - rig.delay) % slots
+    command(rig, rig.commands.torque[slot], rig.commands.position[slot])
+    put(track.command.torque[row], rig.commands.torque[slot])
+    put(track.command.position[row], rig.commands.position[slot])
+    note_law(row, rig, memory, track)
+    track.done[1] = row + 1
+    plant_advance(plant, state, nudge(rig.inputs, tick), rig.commands.torque[due], rig.commands.position[due])
+    return True
+
+
+@kernel_without_arrays
+def put(row: Array, values: Array) -> None:
+    """row[:] = values, element by element: a fraction of what numba makes of an assignment between arrays."""
+    for i in range(values.size):
+        row[i] = values[i]
+
+
+@kernel_without_arrays
+def report(tick: int, row: int, rig: Rig, track: Track) -> None:
+    """Write what the sensors report into row `row` of the track: the measurement of some ticks ago, and errors."""
+    past, depth = rig.past, rig.past.joint_position.shape[0]
+    slot = tick % depth
+    put(past.joint_position[slot], rig.sight.joint_position)
+    put(past.wrench[slot], rig.sight.wrench)
+    put(past.applied_torque[slot], rig.sight.applied_torque)
+    slot = (tick - min(int(rig.inputs.measurement_delay[tick]), tick)) % depth
+    for i in range(past.joint_position.shape[1]):
+        track.state.joint_position[row, i] = past.joint_position[slot, i] + rig.inputs.joint_error[tick, i]
+    for i in range(past.wrench.shape[1]):
+        track.state.wrench[row, i] = past.wrench[slot, i] + rig.inputs.wrench_error[tick, i]
+    put(track.state.applied_torque[row], past.applied_torque[slot])
+
+
+@kernel_without_arrays
+def note_truth(row: int, exact: Sight, truth: Sight) -> None:
+    """Write the true state into row `row` of `truth`."""
+    put(truth.joint_position[row], exact.joint_position)
+    put(truth.joint_velocity[row], exact.joint_velocity)
+    put(truth.position[row], exact.position)
+    put(truth.velocity[row], exact.velocity)
+    put(truth.wrench[row], exact.wrench)
+
+
+@kernel_without_arrays
+def command(rig: Rig, torque: Array, position: Array) -> None:
+    """Write the command: the torque (n,) within its limits, and the joint reference (n,) of eq. (26)."""
     for i in range(torque.size):
-        position[i] = seen.joint_position[i] + torque[i] / rig.k_ref if rig.k_ref != 0.0 else seen.joint_position[i]
-    put(track.command.torque[row], torque)
-    put(track.command.position[row], position)
-    put(track.position[row], seen.position)
-    put(track.velocity[row], seen.velocity)
-    put(track.force[row], seen.force)
+        q = rig.seen.joint_position[i]
+        torque[i] = rig.seen.torque[i]
+        position[i] = q + torque[i] / rig.k_ref if rig.k_ref != 0.0 else q
+
+
+@kernel_without_arrays
+def note_law(row: int, rig: Rig, memory: tuple[Array, ...], track: Track) -> None:
+    """Write what the law was given, and what it remembers now, into row `row` of the track."""
+    put(track.position[row], rig.seen.position)
+    put(track.velocity[row], rig.seen.velocity)
+    put(track.force[row], rig.seen.force)
     put(track.reference.position[row], rig.wanted.position)
     put(track.reference.velocity[row], rig.wanted.velocity)
     put(track.reference.acceleration[row], rig.wanted.acceleration)
@@ -157,17 +190,6 @@ def act_template(
     for field in memory:
         put(track.memory[row, column:], field)
         column += field.size
-    track.done[1] = row + 1
-    due = (tick - rig.delay) % slots
-    plant_advance(plant, state, nudge(rig.inputs, tick), rig.commands.torque[due], rig.commands.position[due])
-    return True
-
-
-@jitable
-def put(row: Array, values: Array) -> None:
-    """row[:] = values, element by element: a fraction of what numba makes of an assignment between arrays."""
-    for i in range(values.size):
-        row[i] = values[i]
 
 
 def run_template(
