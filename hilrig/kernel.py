@@ -87,9 +87,10 @@ def composed(template: Function, makes_arrays: bool = True, **parts: Callable[..
     plain: list[Any] = [cast(Any, part).py_func for part in parts.values()]
     names = [f"{part.__module__}.{part.__qualname__} {getattr(part, 'composition', '')}" for part in plain]
     bound: Any = filled(template, **parts)
-    bound.composition = hashlib.sha256("; ".join(names).encode()).hexdigest()[:16]
-    options = {"nogil": True} if makes_arrays else _BARE
-    return _compiled(bound, os.path.join(_cache_folder(template, *plain), bound.composition), **options)
+    folder, options = _cache_folder(template, *plain), {"nogil": True} if makes_arrays else _BARE
+    # With the state of the parts' sources: a composition may be part of another one, which only sees its template's.
+    bound.composition = hashlib.sha256("; ".join([folder, *names]).encode()).hexdigest()[:16]
+    return _compiled(bound, os.path.join(folder, bound.composition), **options)
 
 
 def filled(template: Function, **parts: Callable[..., Any]) -> Function:

@@ -31,6 +31,24 @@ def factor(x):
     return {factor} * x
 """
 
+COMPOSED = """
+import sys
+sys.path.insert(0, {parts!r})
+from part import factor
+from hilrig.kernel import composed
+
+part, inner = None, None
+
+def middle(x):
+    return part(x) + 1.0
+
+def outer(x):
+    return inner(x) * 2.0
+
+whole = composed(outer, inner=composed(middle, part=factor))
+print(whole(2.0), sum(whole.stats.cache_hits.values()))
+"""
+
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
@@ -61,6 +79,18 @@ def test_kernels_are_kept_and_never_stale(package: Path, tmp_path: Path) -> None
     assert run(package, cache) == (6.0, 1), "the second process loads what the first compiled"
     (package / "hilrig" / "inner.py").write_text(INNER.format(factor=5.0))
     assert run(package, cache) == (10.0, 0), "a kernel in another file changed"
+
+
+def test_compositions_are_kept_and_never_stale(package: Path, tmp_path: Path) -> None:
+    """The part that changes is in a folder of its own, two compositions away from the one that is called."""
+    cache, parts = tmp_path / "cache", tmp_path / "parts"
+    parts.mkdir()
+    (package / "user" / "mine.py").write_text(COMPOSED.format(parts=str(parts)))
+    (parts / "part.py").write_text(INNER.format(factor=3.0))
+    assert run(package, cache) == (14.0, 0)
+    assert run(package, cache) == (14.0, 1)
+    (parts / "part.py").write_text(INNER.format(factor=5.0))
+    assert run(package, cache) == (22.0, 0)
 
 
 def test_a_cache_that_cannot_be_written_is_refused_by_name(package: Path, tmp_path: Path) -> None:
