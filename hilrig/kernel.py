@@ -26,6 +26,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 _BARE = {"_nrt": False, "forceinline": True}
 """What numba is told of a kernel that makes no arrays"""
+_MARKS = (b"@kernel", b"@jitable", b"NamedTuple")
+"""What stands in a file that kernels depend on"""
 
 
 def jitable(function: Function) -> Function:
@@ -35,22 +37,31 @@ def jitable(function: Function) -> Function:
 
 @cache
 def _source_state(folder: Path) -> str:
-    """Digest of the sources that a kernel in `folder` can depend on: files with kernels, and the types they pass."""
+    """Digest of the sources that a kernel in `folder` can depend on.
+
+    These are hilrig's own files with kernels and the types they pass, and every file of a folder outside hilrig: what
+    of it a kernel takes, a number for instance, cannot be seen from its text.
+    """
     digest = hashlib.sha256(numba.__version__.encode())
     package = Path(__file__).parent
-    for path in [*sorted(package.rglob("*.py")), *sorted(folder.glob("*.py"))]:
-        text = path.read_bytes()
-        if b"@kernel" in text or b"NamedTuple" in text:
-            digest.update(f"{path.name}:{len(text)};".encode() + text)
+    own = [(path, path.read_bytes()) for path in sorted(package.rglob("*.py"))]
+    sources = [(path, text) for path, text in own if any(mark in text for mark in _MARKS)]
+    if not folder.is_relative_to(package):
+        sources += [(path, path.read_bytes()) for path in sorted(folder.glob("*.py"))]
+    for path, text in sources:
+        digest.update(f"{path.name}:{len(text)};".encode() + text)
     return digest.hexdigest()[:16]
 
 
-def _cache_folder(*functions: Callable[..., Any]) -> str:
-    """Where what is compiled from `functions` is kept: below $HILRIG_CACHE_DIR, else the user's cache directory."""
+def _cache_folder(function: Callable[..., Any]) -> str:
+    """Where what is compiled from `function` is kept: below $HILRIG_CACHE_DIR, else the user's cache directory."""
     user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     base = os.environ.get("HILRIG_CACHE_DIR") or os.path.join(user, "hilrig")
-    states = [_source_state(Path(function.__code__.co_filename).parent) for function in functions]
-    return os.path.join(base, "kernels", *dict.fromkeys(states))
+    return os.path.join(base, "kernels", _state_of(function))
+
+
+def _state_of(function: Callable[..., Any]) -> str:
+    return _source_state(Path(function.__code__.co_filename).parent)
 
 
 def kernel(function: Function) -> Function:
@@ -70,9 +81,12 @@ def kernel_without_arrays(function: Function) -> Function:
     return _compiled(function, _cache_folder(function), **_BARE)
 
 
-def is_kernel(function: Callable[..., Any]) -> bool:
-    """Return whether `function` was made by `kernel`."""
-    return hasattr(function, "py_func")
+def can_be_composed(function: Callable[..., Any]) -> bool:
+    """Return whether `function` was made by `kernel`, of a function without a closure.
+
+    What a closure holds is not in the source: a composition with other values in it would be taken for the same.
+    """
+    return hasattr(function, "py_func") and not cast(Any, function).py_func.__closure__
 
 
 def composed(template: Function, makes_arrays: bool = True, **parts: Callable[..., Any]) -> Function:
@@ -84,13 +98,20 @@ def composed(template: Function, makes_arrays: bool = True, **parts: Callable[..
     Say `makes_arrays=False` of a template that makes none; see `kernel_without_arrays`. Other threads go on while one
     that does is at work.
     """
-    plain: list[Any] = [cast(Any, part).py_func for part in parts.values()]
-    names = [f"{part.__module__}.{part.__qualname__} {getattr(part, 'composition', '')}" for part in plain]
+    plain: dict[str, Any] = {name: cast(Any, part).py_func for name, part in sorted(parts.items())}
     bound: Any = filled(template, **parts)
-    folder, options = _cache_folder(template, *plain), {"nogil": True} if makes_arrays else _BARE
-    # With the state of the parts' sources: a composition may be part of another one, which only sees its template's.
-    bound.composition = hashlib.sha256("; ".join([folder, *names]).encode()).hexdigest()[:16]
-    return _compiled(bound, os.path.join(folder, bound.composition), **options)
+    bound.composition = _digest_of(plain)
+    options = {"nogil": True} if makes_arrays else _BARE
+    return _compiled(bound, os.path.join(_cache_folder(template), bound.composition), **options)
+
+
+def _digest_of(parts: dict[str, Any]) -> str:
+    """Digest of what a template is composed of: where each part stands, its sources and, if composed, its own parts."""
+    words = [
+        f"{name}={part.__module__}.{part.__qualname__} {_state_of(part)} {getattr(part, 'composition', '')}"
+        for name, part in parts.items()
+    ]
+    return hashlib.sha256("; ".join(words).encode()).hexdigest()[:16]
 
 
 def filled(template: Function, **parts: Callable[..., Any]) -> Function:

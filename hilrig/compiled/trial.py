@@ -10,7 +10,7 @@ import numpy as np
 from hilrig.compiled.tick import Block, Rig, Track, act_template, run_template, sense_template
 from hilrig.errors import Tripped
 from hilrig.interfaces import Law
-from hilrig.kernel import composed, filled, is_kernel
+from hilrig.kernel import can_be_composed, composed, filled
 from hilrig.kernel_interfaces import PlantKernels, RobotKernels, Sight
 from hilrig.loop import Answer, ControlSide, Ending, PlantSide, checked, not_finite
 from hilrig.safety import Monitor
@@ -82,7 +82,7 @@ def _bound(trial: Trial, plant: PlantKernels, robot: RobotKernels, law: Law) -> 
     """Return `run_template` with the kernels of this plant and robot, and the law's step, in it."""
     sense = composed(sense_template, makes_arrays=False, plant_observe=plant.observe, robot_kinematics=robot.kinematics)
     act = composed(act_template, makes_arrays=False, plant_advance=plant.advance)
-    if is_kernel(law.step):
+    if can_be_composed(law.step):
         return composed(run_template, sense=sense, act=act, law_step=law.step)
 
     def step(parameters: Any, memory: Any, state: State, reference: Reference) -> Array:

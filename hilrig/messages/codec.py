@@ -133,7 +133,7 @@ class Codec:
 
     def pack_rows(self, values: Sequence[NDArray[Any]]) -> NDArray[np.uint8]:
         """Return many messages at once, (N, size) bytes: one array per field in order, (N,) or (N, k)."""
-        zero = [0 if is_scalar else np.zeros(count) for _, count, _, is_scalar, _, _ in self._plan]
+        zero = [0 if is_scalar else np.zeros(count, dtype) for _, count, _, is_scalar, _, dtype in self._plan]
         rows = np.repeat(np.frombuffer(self.pack(zero), np.uint8)[None, :], len(values[0]), axis=0)
         table = rows.view(self._dtype())[:, 0]
         for (name, *_), column in zip(self._plan, values, strict=True):

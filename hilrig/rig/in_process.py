@@ -152,13 +152,17 @@ def _blocks(compiled: CompiledTrial, wire: DirectWire) -> Ending:
             try:
                 wire.wait(compiled.tick)
             except Stopped as stop:
-                return Ending("aborted", str(stop), compiled.tick)
+                ending = Ending("aborted", str(stop), compiled.tick)
+                break
+            before = compiled.recent
             try:
                 ending = compiled.do(BLOCK)
             finally:
-                if recorded is not None:
-                    recorded.result()
-                recorded = thread.submit(wire.publish_block, compiled.recent)
-        assert recorded is not None
+                earlier = recorded
+                if compiled.recent is not before:  # else it was stopped on the threshold
+                    recorded = thread.submit(wire.publish_block, compiled.recent)
+                if earlier is not None:
+                    earlier.result()
+    if recorded is not None:
         recorded.result()
     return ending

@@ -47,7 +47,7 @@ class Worker:
         try:
             self._line.send(trial.id)
             outcome = watch.until_the_end(stop)
-            kept = outcome is watch.said
+            kept = watch.ended_by_itself
         finally:
             if not kept:
                 self.close()
@@ -85,8 +85,14 @@ class _Watch:
         self._heard = time.monotonic()
         self._began: float | None = None
         self._ticks = 0
-        self.said: Outcome | None = None
+        self._said: Outcome | None = None
         """The outcome, from the worker itself"""
+        self._told = False
+
+    @property
+    def ended_by_itself(self) -> bool:
+        """Whether the worker said how the trial ended, and was told nothing that it would take for its next trial."""
+        return self._said is not None and not self._told
 
     def until_the_end(self, stop: Callable[[], bool]) -> Outcome:
         """Return the outcome of the trial: the worker's own, or why it has none."""
@@ -95,8 +101,8 @@ class _Watch:
                 return self._cut_short("aborted", "interrupted")
             if hung := self._hung():
                 return self._cut_short("timed_out", hung)
-        if self.said is not None:
-            return self.said
+        if self._said is not None:
+            return self._said
         self._process.wait()
         return self._without_a_word("failed", how_it_ended(self._directory, ROLE, self._process.returncode))
 
@@ -109,12 +115,12 @@ class _Watch:
                 return self._line.poll()
         except (EOFError, OSError):  # OSError: it left something of ours unread
             return False
-        return self.said is None
+        return self._said is None
 
     def _take(self, said: Outcome | int) -> None:
         self._heard = time.monotonic()
         if isinstance(said, Outcome):
-            self.said = said
+            self._said = said
         else:
             self._began = self._heard if self._began is None else self._began
             self._ticks = said
@@ -130,13 +136,14 @@ class _Watch:
 
     def _cut_short(self, outcome: str, reason: str) -> Outcome:
         """End the trial, so that its record is whole if that can be; the worker is asked first, then told."""
+        self._told = True
         for tell in (lambda: self._line.send("stop"), self._process.terminate):
             with suppress(OSError):
                 tell()
             deadline = time.monotonic() + GRACE
             while time.monotonic() < deadline and self._listen(LOOK):
                 pass
-        said = self.said
+        said = self._said
         if said is None:
             return self._without_a_word(outcome, reason)
         return replace(said, outcome=outcome, reason=reason) if said.outcome == "aborted" else said

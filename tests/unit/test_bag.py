@@ -1,12 +1,19 @@
 from __future__ import annotations
 
+import io
+import struct
+import zlib
 from pathlib import Path
 
+import lz4.frame
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from mcap.records import Chunk, MessageIndex
+from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
@@ -157,6 +164,31 @@ def test_mcaps_own_reader_finds_everything_by_the_index(bag: Path) -> None:
     assert some[0].data == STATE.pack(state(5))
 
 
+def check_index(path: Path) -> None:
+    """Check every chunk's checksum and span, and that each entry of its index leads to its message."""
+    entries, chunk, content = 0, None, b""
+    for record in StreamReader(io.BytesIO(path.read_bytes()), emit_chunks=True).records:
+        if isinstance(record, Chunk):
+            chunk, content = record, lz4.frame.decompress(record.data)
+            assert chunk.uncompressed_crc == zlib.crc32(content) != 0
+        elif isinstance(record, MessageIndex):
+            assert chunk is not None
+            for time, offset in record.records:
+                opcode, _, channel, sequence, log, publish = struct.unpack_from("<BQHIQQ", content, offset)
+                assert (opcode, channel, log, publish) == (Opcode.MESSAGE, record.channel_id, time, time)
+                assert time == sequence * 1_000_000
+            times = [time for time, _ in record.records]
+            assert chunk.message_start_time <= min(times) <= max(times) <= chunk.message_end_time
+            entries += len(times)
+    assert entries == 2 * TICKS
+    summary = make_reader(io.BytesIO(path.read_bytes())).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert list(summary.statistics.channel_message_counts.values()) == [TICKS, TICKS]
+    assert summary.statistics.message_start_time == 0
+    assert summary.statistics.message_end_time == (TICKS - 1) * 1_000_000
+
+
 def test_rows_are_recorded_as_messages_are(bag: Path, tmp_path: Path) -> None:
     """Many ticks at a time, in chunks that the writer is told to end, or one by one: the same record."""
     with BagWriter(tmp_path / "rows.mcap") as writer:
@@ -172,6 +204,8 @@ def test_rows_are_recorded_as_messages_are(bag: Path, tmp_path: Path) -> None:
     for channel, fields in one_by_one.items():
         for name, expected in fields.items():
             np.testing.assert_array_equal(rows[channel][name], expected)
+    check_index(bag)
+    check_index(tmp_path / "rows.mcap")
     with (tmp_path / "rows.mcap").open("rb") as file:
         found = make_reader(file, validate_crcs=True).iter_messages(["/internals"], starting_at=700_000_000)
         assert next(iter(found))[2].data == INTERNALS.pack(internals(700))

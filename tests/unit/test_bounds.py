@@ -146,6 +146,19 @@ def test_no_other_kappa_beats_the_best(kp: float, kd: float, m: int, factor: flo
     assert delay_bound(d, kappa=best.kappa * factor) <= best.delay * (1 + 1e-9)
 
 
+@given(seed=seeds, kp=gains, kd=gains, nu=st.floats(1.0, 2.0), factor=st.floats(0.5, 2.0))
+def test_a_weight_of_any_shape_counts_by_its_least_eigenvalue(
+    seed: int, kp: float, kd: float, nu: float, factor: float
+) -> None:
+    """(24) itself, lambda_min(Q)/|Gamma|, for a Q that is no multiple of the identity; its best kappa has no better."""
+    d, q = error_dynamics(kp, kd), positive_matrix(np.random.default_rng(seed), 2)
+    size = np.linalg.norm(gamma(d, lyapunov_matrix(d.undelayed, q), nu=nu, kappa=0.05), 2)
+    assert delay_bound(d, nu=nu, kappa=0.05, q=q) == pytest.approx(np.linalg.eigvalsh(q).min() / size)
+    best = best_delay_bound(d, nu, q)
+    assert delay_bound(d, nu=nu, kappa=best.kappa, q=q) == pytest.approx(best.delay, rel=1e-9)
+    assert delay_bound(d, nu=nu, kappa=best.kappa * factor, q=q) <= best.delay * (1 + 1e-9)
+
+
 @pytest.mark.parametrize(("nu", "kappa", "words"), [(0.9, 0.08, "nu = 0.9"), (1.006, 0.0, "kappa = 0")])
 def test_constants_that_the_proof_excludes_are_refused(nu: float, kappa: float, words: str) -> None:
     with pytest.raises(ValueError, match=words):

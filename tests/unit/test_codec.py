@@ -96,6 +96,16 @@ def test_columns_stack_the_fields_of_many_messages() -> None:
     assert table["position"].shape == (4, 3)
 
 
+@pytest.mark.parametrize("name", MESSAGES)
+@given(data=st.data())
+def test_many_messages_at_once_are_the_bytes_of_each(name: str, data: st.DataObject) -> None:
+    codec, values = data.draw(messages(name))
+    rows = [values, [np.zeros_like(value) if isinstance(value, np.ndarray) else 0 for value in values], values]
+    types = [field.type for field in codec.definition.fields]
+    packed = codec.pack_rows([np.array(column, kind) for *column, kind in zip(*rows, types, strict=True)])
+    assert [row.tobytes() for row in packed] == [codec.pack(row) for row in rows]
+
+
 def test_unpacked_arrays_are_the_readers_own() -> None:
     codec = Codec(definition("Command"), {"torque": 2, "position": 2})
     payload = codec.pack((1, 0.0, np.ones(2), np.ones(2)))

@@ -20,13 +20,17 @@ from hilrig.controllers.tde_sliding_mode import TdeSlidingMode
 from hilrig.disturbances.force_sine import ForceSine
 from hilrig.disturbances.friction_step import FrictionStep
 from hilrig.disturbances.measurement_delay import MeasurementDelay
+from hilrig.disturbances.sensor_bias import SensorBias
 from hilrig.disturbances.sensor_noise import SensorNoise
 from hilrig.disturbances.surface_motion import SurfaceMotion
 from hilrig.errors import PluginError
 from hilrig.interfaces import Law, Task
+from hilrig.kernel import kernel
 from hilrig.loop import Ending, PlantSide, do_ticks
-from hilrig.signals import Array, Reference, State
-from hilrig.trial import Limits, Trial
+from hilrig.references.hold import Hold
+from hilrig.references.sine import Sine
+from hilrig.signals import Array, Measurement, Reference, State, Truth
+from hilrig.trial import Limits, PhaseSpec, Trial
 from tests.unit.test_loop import Direct
 
 SERVO = Actuation("position_servo", stiffness=60.0)
@@ -48,25 +52,60 @@ class Numpy:
     """A law in plain Python that keeps the states it was given: they must not change later."""
 
     fault: str = ""
+    gain: float = 300.0
+    memory: Array | None = None
 
     def start(self, task: Task, state: State) -> Law:
         given: list[State] = []
+        heard: list[Reference] = []
 
         def step(parameters: object, memory: Kept, state: State, reference: Reference) -> Any:
             given.append(state)
+            heard.append(reference)
             memory.sums[:] += np.outer(state.position, given[0].position)
-            force = 300.0 * (reference.position - state.position) - 20.0 * state.velocity + reference.force
-            torque = state.jacobian.T @ force + given[max(len(given) - 9, 0)].torque * 0.1
+            force = self.gain * (reference.position - state.position) - 20.0 * state.velocity + reference.force
+            earlier = max(len(given) - 9, 0)
+            force += 100.0 * heard[earlier].velocity
+            torque = state.jacobian.T @ force + given[earlier].torque * 0.1
             if self.fault and len(given) == 60:
-                return {"shape": torque[:1], "nan": torque * np.nan}[self.fault]
+                return {"shape": torque[:1], "nan": torque * np.nan, "huge": torque * 1e300}[self.fault]
             return torque
 
-        return Law(step, None, Kept(np.zeros((2, 2))))
+        return Law(step, None, Kept(np.zeros((2, 2)) if self.memory is None else self.memory))
+
+
+@dataclass(frozen=True)
+class Closed:
+    """A law whose kernel is a closure over the law's parameter."""
+
+    gain: float
+
+    def start(self, task: Task, state: State) -> Law:
+        gain = self.gain
+
+        @kernel
+        def step(parameters: tuple[()], memory: tuple[()], state: State, reference: Reference) -> Array:
+            return gain * (reference.position - state.position)
+
+        return Law(step, (), ())
+
+
+class Witness(Direct):
+    """Notes the truth, too."""
+
+    def __init__(self, trial: Trial) -> None:
+        super().__init__(trial)
+        self.truths: list[Truth] = []
+
+    def publish(self, tick: int, measurement: Measurement, truth: Truth | None) -> None:
+        assert truth is not None
+        self.truths.append(truth)
+        super().publish(tick, measurement, truth)
 
 
 def compared(subject: Trial, block: int = 37) -> tuple[Ending, Ending]:
     """Run a trial both ways, assert that all signals are the same bits, and return both endings."""
-    slow = PlantSide(subject), Direct(subject)
+    slow = PlantSide(subject), Witness(subject)
     expected = do_ticks(*slow, 0, subject.ticks)
     plant, wire = PlantSide(subject), Direct(subject)
     do_ticks(plant, wire, 0, 1)
@@ -79,6 +118,9 @@ def compared(subject: Trial, block: int = 37) -> tuple[Ending, Ending]:
         for row in range(track.done[0]):
             for got, wanted in zip(track.state, slow[1].measured[tick + row], strict=True):
                 same(got[row], wanted)
+            truth = slow[1].truths[tick + row]
+            for got, wanted in zip((*track.truth[:5], track.surface), truth, strict=True):
+                same(got[row], np.asarray(wanted))
         for row in range(track.done[1]):
             answer = slow[1].answers[tick + row]
             same(track.command.torque[row], answer.command.torque)
@@ -89,7 +131,7 @@ def compared(subject: Trial, block: int = 37) -> tuple[Ending, Ending]:
                 same(got[row], wanted)
         tick += int(track.done[1])
     if ending.outcome == "completed":
-        same(np.concatenate([part.ravel() for part in slow[1].control.law.memory]), track.memory[-1])
+        same(np.concatenate([np.zeros(0), *(part.ravel() for part in slow[1].control.law.memory)]), track.memory[-1])
         assert tick == subject.ticks
     return ending, expected
 
@@ -109,7 +151,8 @@ def test_every_law_gives_the_same_bits(law: Any, delay: int) -> None:
 @pytest.mark.parametrize("actuation", [Actuation(), SERVO])
 def test_the_same_bits_under_every_disturbance(actuation: Actuation) -> None:
     driver = TwoLink(arm(jacobian="printed"), surface(), actuation, (0.1, 0.05), (0.02, 0.01), coriolis="printed")
-    ending, expected = compared(trial(driver, Numpy(), disturbances=EVERYTHING))
+    swing = PhaseSpec("swing", 0.0, 0.2, {"x": Sine(0.1, 3.0)}, {"z": Hold(3.5)})
+    ending, expected = compared(trial(driver, Numpy(), disturbances=EVERYTHING, phases=(swing,)))
     assert ending == expected
     assert compared(trial(controller=Pd(), disturbances=EVERYTHING))[0].outcome == "completed"
 
@@ -127,10 +170,34 @@ def test_it_trips_at_the_same_tick_for_the_same_reason(limits: Limits) -> None:
     assert 1 < ending.ticks < 200
 
 
+def test_a_sensors_error_is_no_speed() -> None:
+    """Safety looks at the plant: a bias of 0.1 rad in a tick would be 100 rad/s."""
+    biased = trial(controller=Pd(), disturbances=(SensorBias(joint=0.1),), limits=Limits(joint_velocity=50.0))
+    assert compared(biased)[0].outcome == "completed"
+
+
 def test_a_torque_that_is_not_finite_ends_it_alike() -> None:
     ending, expected = compared(trial(controller=Numpy("nan")))
     assert ending == expected
     assert "tick 59: the torque of controller 'mine' is not finite: [nan nan]" in ending.reason
+
+
+def test_a_plant_that_leaves_the_numbers_trips_alike() -> None:
+    """A huge torque takes every number of the plant beyond what a float holds within one period."""
+    ending, expected = compared(trial(TwoLink(arm(torque_limit=(np.inf, np.inf)), surface()), Numpy("huge")))
+    assert ending == expected
+    assert "the measurement is not finite" in ending.reason
+
+
+def test_a_torque_is_limited_alike() -> None:
+    weak = TwoLink(arm(torque_limit=(0.3, 0.05)), surface())
+    assert compared(trial(weak, Numpy(gain=3000.0)))[0].outcome == "completed"
+
+
+def test_a_closure_is_not_taken_for_another() -> None:
+    """Two laws of one source with different values in their closures: each keeps its own."""
+    for gain in (10.0, 20.0):
+        assert compared(trial(controller=Closed(gain)))[0].outcome == "completed"
 
 
 def test_what_was_done_before_a_fault_is_there() -> None:
@@ -149,3 +216,10 @@ def test_a_physics_engine_is_not_compiled() -> None:
     do_ticks(plant, wire, 0, 1)
     assert not can_compile(plant, wire.control)
     plant.close()
+
+
+def test_a_memory_that_does_not_lie_in_one_piece_is_not_compiled() -> None:
+    subject = trial(controller=Numpy(memory=np.zeros((2, 4))[:, ::2]))
+    plant, wire = PlantSide(subject), Direct(subject)
+    do_ticks(plant, wire, 0, 1)
+    assert not can_compile(plant, wire.control)

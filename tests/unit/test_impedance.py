@@ -90,6 +90,17 @@ def test_the_filter_stays_near_the_measured_state(sign: float, reference_states:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_clips_go_with_the_moving_tip(sign: float) -> None:
+    """v_d is kept about x', and what p_d integrates is v_d as kept."""
+    now = state(arm(), HERE, np.array([0.9, -0.7]), np.full(2, sign * 1e5))
+    place, speed = now.position.copy(), now.velocity.copy()
+    advance_filter(impedance(), PERIOD, place, speed, now, reference())
+    kept = now.velocity - sign * VELOCITY_CLIP
+    np.testing.assert_allclose(speed, kept, rtol=1e-13)
+    np.testing.assert_allclose(place, now.position + PERIOD * kept, rtol=1e-13)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("reference_states", [False, True])
 def test_without_clips_the_filter_integrates_freely(sign: float, reference_states: bool) -> None:
     """At a standing tip under a constant force, p_d and v_d go where the double integral goes."""

@@ -32,21 +32,31 @@ def factor(x):
 """
 
 COMPOSED = """
-import sys
-sys.path.insert(0, {parts!r})
-from part import factor
-from hilrig.kernel import composed
+from hilrig.kernel import composed, kernel
+from plant import advance
 
-part, inner = None, None
+@kernel
+def scale(x):
+    return 10.0 * x
 
-def middle(x):
-    return part(x) + 1.0
+def within(x):
+    return part(x)
 
-def outer(x):
-    return inner(x) * 2.0
+def around(x):
+    return first(second(x))
 
-whole = composed(outer, inner=composed(middle, part=factor))
-print(whole(2.0), sum(whole.stats.cache_hits.values()))
+inner = composed(within, part=advance)
+orders = [composed(around, first=inner, second=scale), composed(around, first=scale, second=inner),
+          composed(around, second=inner, first=scale)]
+print(*[f"{order(2.0):g}" for order in orders], sum(sum(order.stats.cache_hits.values()) for order in orders))
+"""
+PLANT = """
+from hilrig.kernel import kernel
+from numbers_only import OFFSET
+
+@kernel
+def advance(x):
+    return x + {step} + OFFSET
 """
 
 
@@ -64,13 +74,19 @@ def package(tmp_path: Path) -> Path:
     return root
 
 
-def run(package: Path, cache: Path) -> tuple[float, int]:
-    """Return the result and the number of cache hits, in a fresh process."""
-    environment = {**os.environ, "PYTHONPATH": str(package), "HILRIG_CACHE_DIR": str(cache)}
-    command = [sys.executable, str(package / "user" / "mine.py")]
+def printed(package: Path, cache: Path, script: str) -> list[float]:
+    """Return the numbers that a script of the user's prints, in a fresh process."""
+    paths = os.pathsep.join([str(package), str(package / "plants")])
+    environment = {**os.environ, "PYTHONPATH": paths, "HILRIG_CACHE_DIR": str(cache)}
+    command = [sys.executable, str(package / "user" / script)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    value, hits = done.stdout.split()
-    return float(value), int(hits)
+    return [float(number) for number in done.stdout.split()]
+
+
+def run(package: Path, cache: Path) -> tuple[float, int]:
+    """Return the result of mine.py and the number of cache hits."""
+    value, hits = printed(package, cache, "mine.py")
+    return value, int(hits)
 
 
 def test_kernels_are_kept_and_never_stale(package: Path, tmp_path: Path) -> None:
@@ -81,16 +97,20 @@ def test_kernels_are_kept_and_never_stale(package: Path, tmp_path: Path) -> None
     assert run(package, cache) == (10.0, 0), "a kernel in another file changed"
 
 
-def test_compositions_are_kept_and_never_stale(package: Path, tmp_path: Path) -> None:
-    """The part that changes is in a folder of its own, two compositions away from the one that is called."""
-    cache, parts = tmp_path / "cache", tmp_path / "parts"
-    parts.mkdir()
-    (package / "user" / "mine.py").write_text(COMPOSED.format(parts=str(parts)))
-    (parts / "part.py").write_text(INNER.format(factor=3.0))
-    assert run(package, cache) == (14.0, 0)
-    assert run(package, cache) == (14.0, 1)
-    (parts / "part.py").write_text(INNER.format(factor=5.0))
-    assert run(package, cache) == (22.0, 0)
+def test_what_is_composed_is_kept_and_never_stale(package: Path, tmp_path: Path) -> None:
+    """The template, a part, and a part's part in three folders, as a trial has them; the last one changes."""
+    (package / "plants").mkdir()
+    plant, numbers = package / "plants" / "plant.py", package / "plants" / "numbers_only.py"
+    (package / "user" / "composition.py").write_text(COMPOSED)
+    plant.write_text(PLANT.format(step=1.0))
+    numbers.write_text("OFFSET = 0.0")
+    cache = tmp_path / "cache"
+    assert printed(package, cache, "composition.py") == [21.0, 30.0, 30.0, 1], "the third is the second again"
+    assert printed(package, cache, "composition.py") == [21.0, 30.0, 30.0, 3]
+    plant.write_text(PLANT.format(step=2.0))
+    assert printed(package, cache, "composition.py") == [22.0, 40.0, 40.0, 1], "a part of a part changed"
+    numbers.write_text("OFFSET = 5.0")
+    assert printed(package, cache, "composition.py") == [27.0, 90.0, 90.0, 1], "a number that a part takes changed"
 
 
 def test_a_cache_that_cannot_be_written_is_refused_by_name(package: Path, tmp_path: Path) -> None:

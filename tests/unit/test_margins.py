@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -62,7 +63,11 @@ def test_the_window_is_that_of_the_worst_places_of_the_path() -> None:
     assert found["inertia_lower"].limit == pytest.approx(2 * heaviest * 1e-3 * 150 / 30, rel=1e-5)
     assert found["inertia_upper"].limit == pytest.approx(highest_ratio(1, one.velocity_smoothing) * lightest, rel=1e-5)
     assert found["mismatch"].value == pytest.approx(1 - 0.03 / heaviest, rel=1e-5)
-    assert found["inertia_lower"].where.startswith("phase 'swing', t = ")
+    for bound, which, eigenvalue in (("inertia_lower", -1, heaviest), ("inertia_upper", 0, lightest)):
+        where = re.fullmatch(r"phase 'swing', t = \S+ s \(x = (\S+) m, z = 0.35 m\)", found[bound].where)
+        assert where, found[bound].where
+        there = np.linalg.eigvalsh(tip_inertia(arm(), float(where[1]), 0.35))[which]
+        assert there == pytest.approx(eigenvalue, rel=5e-3), "the place that is named is the place that decides"
     assert all(found[bound].kept for bound in ("inertia_lower", "inertia_upper", "mismatch", "delay_best"))
 
 
@@ -87,6 +92,12 @@ def test_an_estimate_per_axis_is_judged_by_its_factor() -> None:
 @pytest.mark.parametrize(("delay", "expected"), [(0, 1e-3), (1, 1e-3), (3, 3e-3)])
 def test_the_delay_is_the_actuations_and_a_period_at_least(delay: int, expected: float) -> None:
     assert checks(estimating(actuation_delay=delay))["delay_derived"].value == pytest.approx(expected)
+
+
+def test_a_value_at_its_limit_does_not_keep_it() -> None:
+    """The bounds are strict: at the edge the loop neither grows nor decays."""
+    for must in ("below", "above"):
+        assert not Check("mismatch", 1.0, must, 1.0, "").kept
 
 
 def test_the_slowest_condition_and_the_widest_path_decide() -> None:

@@ -37,6 +37,20 @@ def test_gaps_are_named_and_losses_counted(tmp_path: Path) -> None:
     assert (account["stored"], account["lost"], account["gap_count"]) == (3, 5, 2)
 
 
+def test_rows_are_counted_and_their_gaps_named(tmp_path: Path) -> None:
+    """Blocks of ticks 1 to 3, none, and 6 to 7: 0 and 4 to 5 are missing; single messages count on from there."""
+    with Recorder(tmp_path, 1e-3, CHANNELS) as recorder:
+        for ticks in (np.arange(1, 4), np.arange(0), np.arange(6, 8)):
+            payloads = COMMAND.pack_rows([ticks, ticks * 1e-3, ticks[:, None] * 1.0, ticks[:, None] * 0.0])
+            recorder.store_rows("command", payloads, ticks)
+        recorder.store("command", command(8))
+        recorder.sent("command", 7)
+        account = recorder.summary()["command"]
+    assert account == {"sent": 7, "stored": 6, "lost": 1, "gap_count": 2, "gaps": [[0, 0], [4, 5]]}
+    table = read_bag(tmp_path / "bag.mcap")["command"]
+    assert table["tick"].tolist() == table["torque"][:, 0].tolist() == [1, 2, 3, 6, 7, 8]
+
+
 def test_without_the_senders_word_the_loss_is_unknown() -> None:
     account = Account()
     account.note(0)

@@ -55,6 +55,49 @@ def adapting(controller: TdeSlidingMode, xi: Callable[[float], Array], duration:
     return np.array(rows)
 
 
+@pytest.mark.parametrize(
+    ("alphas_before", "outward", "adaptation", "step_1"),
+    [
+        ((0.005, 0.5, 0.5), False, "complete", +2.0),  # at its floor it rises
+        ((0.006, 0.5, 0.5), False, "complete", -0.5),
+        ((0.006, 1.0, 1.0), True, "complete", +2.0),
+        ((0.006, 1.0, 0.5), True, "complete", -0.5),  # one of the two is at its floor
+        ((0.006, 0.5, 1.0), True, "complete", -0.5),
+        ((0.006, 1.0, 1.0), False, "complete", -0.5),
+        ((0.006, 0.5, 0.5), False, "printed", -0.5),
+        ((0.006, 1.0, 0.5), False, "printed", 0.0),
+        ((0.006, 0.5, 1.0), False, "printed", 0.0),
+        ((0.006, 0.5, 0.5), True, "printed", 0.0),
+    ],
+)
+def test_every_case_of_alpha_1(
+    alphas_before: tuple[float, float, float], outward: bool, adaptation: str, step_1: float
+) -> None:
+    """alpha_1' = k_1 |xi|, -k_2 |xi| or 0, with k_1 = 2, k_2 = 0.5 and |xi| = 0.3."""
+    controller = TdeSlidingMode(growth=2.0, decay=0.5, gains_start=alphas_before, adaptation=adaptation)
+    law = controller.start(task(ARM), state(ARM, Q, np.zeros(2)))
+    tde_sliding_mode.adapt(law.parameters, law.memory, PERIOD, 0.3, outward)
+    assert law.memory.alpha_1[0] == pytest.approx(alphas_before[0] + PERIOD * step_1 * 0.3, rel=1e-12)
+
+
+def test_alpha_1_stays_above_zero() -> None:
+    law = TdeSlidingMode(gains_start=(0.006, 0.5, 0.5)).start(task(ARM), state(ARM, Q, np.zeros(2)))
+    tde_sliding_mode.adapt(law.parameters, law.memory, 1.0, 0.3, False)
+    assert law.memory.alpha_1[0] == 0.0
+
+
+def test_xi_that_stands_still_does_not_move_outward() -> None:
+    """s = xi . (xi - xi_prev) = 0: with k_1 and k_2 unlike, the sign of alpha_1' tells."""
+    now = state(ARM, Q, np.zeros(2))
+    still = Reference(now.position, *np.zeros((3, 2)))
+    law = TdeSlidingMode(gains_start=(0.1, 1.0, 1.0)).start(task(ARM), now)
+    law.memory.filter_position[:] += 0.01  # a_d = 0: the filter stays where it is, and so does xi
+    law.step(law.parameters, law.memory, now, still)
+    before = law.memory.alpha_1[0]
+    law.step(law.parameters, law.memory, now, still)
+    assert law.memory.alpha_1[0] < before
+
+
 def alphas(memory: Memory) -> Array:
     return np.concatenate([memory.alpha_1, memory.alpha_2, memory.alpha_3])
 
@@ -94,9 +137,17 @@ def test_printed_adaptation_holds_alpha_1_where_no_case_applies(adaptation: str,
         np.testing.assert_allclose(np.diff(alpha_1[covered]) / PERIOD, -size, rtol=1e-9)
 
 
+OTHER_NUMBERS = {
+    "inertia_estimate": (0.05, 0.02), "position_gain": 90.0, "velocity_gain": 20.0, "robust_gain": 2.0,
+    "boundary": 0.003, "gains_start": (0.5, 0.8, 0.9), "gains_floor": (0.002, 0.3, 0.7),
+}  # fmt: skip
+
+
 def tde_again(s: dict, now: State, wanted: Reference, desired: Impedance) -> Array:
     """One step of the proposed law in plain NumPy, written from the equations; `s` holds its memory and its options."""
-    kp, kd, mhat, elapsed, law = 150.0, 30.0, 0.03, now.elapsed, s["law"]
+    law, elapsed = s["law"], now.elapsed
+    kp, kd, mhat = law.position_gain, law.velocity_gain, np.broadcast_to(law.inertia_estimate, 2)
+    floor_1, floor_2, floor_3 = law.gains_floor
     sigma = np.diag(desired.sigma)
     drive = -desired.damping * (now.velocity - sigma @ wanted.velocity) - desired.stiffness * (
         sigma @ (now.position - wanted.position)
@@ -109,16 +160,16 @@ def tde_again(s: dict, now: State, wanted: Reference, desired: Impedance) -> Arr
     xi = s["row"] @ [e, e_rate]
     n, growing = np.linalg.norm(xi), xi @ (xi - s["xi"]) > 0
     a1, a2, a3 = s["alpha"]
-    rises = a1 <= 0.005 or (growing and a2 > 0.5 and a3 > 0.5)
-    falls = not rises if law.adaptation == "complete" else not rises and not growing and a2 <= 0.5 and a3 <= 0.5
+    rises = a1 <= floor_1 or (growing and a2 > floor_2 and a3 > floor_3)
+    falls = not rises if law.adaptation == "complete" else not rises and not growing and a2 <= floor_2 and a3 <= floor_3
     new_1 = a1 + elapsed * law.growth * n if rises else max(a1 - elapsed * law.decay * n, 0.0) if falls else a1
-    new_3 = max(a3 - elapsed * n / a3, 0.5) if a3 > 0.5 else a3
-    new_2 = max(a2 - elapsed / a2, 0.5) if a2 > 0.5 else a2
+    new_3 = max(a3 - elapsed * n / a3, floor_3) if a3 > floor_3 else a3
+    new_2 = max(a2 - elapsed / a2, floor_2) if a2 > floor_2 else a2
     s["alpha"], s["xi"] = np.array([new_1, new_2, new_3]), xi
     sign = -1 if law.feedback == "positive" else 1
-    smooth = np.tanh(xi / 0.01)
-    robust = smooth if law.switching == "smooth" else np.tanh(xi) if n > 0.01 else xi / 0.01
-    u = a_d + sign * (kd * e_rate + kp * e) + 1.1 * s["alpha"].sum() * robust
+    smooth = np.tanh(xi / law.boundary)
+    robust = smooth if law.switching == "smooth" else np.tanh(xi) if n > law.boundary else xi / law.boundary
+    u = a_d + sign * (kd * e_rate + kp * e) + law.robust_gain * s["alpha"].sum() * robust
     acceleration = s["a_d"] if law.estimator == "desired" else (now.velocity - s["xd"]) / elapsed
     held = now.torque if s["started"] or law.preload else np.zeros(2)
     before = np.linalg.inv(now.jacobian).T @ held - mhat * acceleration
@@ -136,6 +187,8 @@ def tde_again(s: dict, now: State, wanted: Reference, desired: Impedance) -> Arr
         {"switching": "printed"},
         {"adaptation": "printed"},
         {"preload": False},
+        OTHER_NUMBERS,
+        {**OTHER_NUMBERS, "adaptation": "printed", "switching": "printed", "estimator": "desired"},
         {"estimator": "desired", "lyapunov": "transposed", "feedback": "positive", "switching": "printed",
          "adaptation": "printed", "preload": False},
     ],
@@ -143,19 +196,19 @@ def tde_again(s: dict, now: State, wanted: Reference, desired: Impedance) -> Arr
 )  # fmt: skip
 def test_step_is_the_law_written_again(options: dict[str, Any]) -> None:
     rng = np.random.default_rng(3)
-    start = state(ARM, Q, np.zeros(2), torque=np.array([1.0, 2.0]))
+    start = state(ARM, Q, np.array([0.3, -0.4]), torque=np.array([1.0, 2.0]))
     controller = TdeSlidingMode(growth=2.0, decay=0.5, **options)
     law = controller.start(task(ARM), start)
-    a = np.array([[0.0, 1.0], [-150.0, -30.0]])
+    a = np.array([[0.0, 1.0], [-controller.position_gain, -controller.velocity_gain]])
     p = scipy.linalg.solve_continuous_lyapunov(a if controller.lyapunov == "transposed" else a.T, -np.eye(2))
     again = {
         "law": controller,
         "row": p[1],
         "p": start.position,
-        "v": np.zeros(2),
+        "v": start.velocity,
         "xi": np.zeros(2),
-        "alpha": np.array([0.01, 1, 1]),
-        "xd": np.zeros(2),
+        "alpha": np.array(controller.gains_start),
+        "xd": start.velocity,
         "a_d": np.zeros(2),
         "started": False,
     }
@@ -173,7 +226,7 @@ def test_step_is_the_law_written_again(options: dict[str, Any]) -> None:
         np.testing.assert_allclose(law.step(law.parameters, law.memory, now, wanted), expected, rtol=1e-8, atol=1e-9)
         np.testing.assert_allclose(alphas(law.memory), again["alpha"], rtol=1e-12)
         sizes.append(np.linalg.norm(law.memory.sliding_variable))
-    assert law.memory.alpha_2[0] == 0.5, "the walk passed through the adaptation"
+    assert law.memory.alpha_2[0] == controller.gains_floor[1], "the walk passed through the adaptation"
     if "lyapunov" in options:
         assert law.memory.alpha_3[0] == 0.5, "with the large printed p22, through that of alpha_3, too"
         assert max(sizes) > 0.01, "and out of the boundary layer"

@@ -1,15 +1,18 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 import pytest
 import rods
+import scipy.integrate
 from builders import FAR_AWAY, STILL, arm, begin, surface, torque_command, true_state
 from hilrig_drivers.two_link import TwoLink
 
 from hilrig.actuation import Actuation
+from hilrig.interfaces import Begin
 from hilrig.signals import Array, Truth
 
 Q = (0.4, 1.3)
@@ -105,6 +108,60 @@ def test_work_done_is_energy_stored_and_lost() -> None:
     loss = np.trapezoid([lost(now) for now in seen], dx=dt)
     assert loss > 0.1, "there is a loss to account for"
     assert work == pytest.approx(stored(seen[-1]) - stored(seen[0]) + loss, abs=2e-3 * loss)
+
+
+NUDGED = STILL._replace(
+    tip_force=np.array([2.0, -3.0]), surface_offset=0.01, surface_velocity=0.4, stiffness_scale=1.5,
+    surface_friction_scale=0.7, joint_friction_scale=1.8,
+)  # fmt: skip
+SERVO = Actuation("position_servo", stiffness=40.0, damping=0.7)
+
+
+@pytest.mark.parametrize("actuation", [Actuation(), SERVO, replace(SERVO, gravity_compensation=True)])
+def test_a_period_under_every_disturbance_is_what_another_integrator_finds(actuation: Actuation) -> None:
+    """M q'' = tau - C q' - G - F - J^T F_e by the mechanics of `rods` and SciPy; the surface moves."""
+    coulomb, viscous, period = np.array([0.2, 0.1]), np.array([0.05, 0.02]), 5e-3
+    driver = TwoLink(ARM, surface(position=0.32, pulls=True), actuation, (0.2, 0.1), (0.05, 0.02), substep=1e-3)
+    plant = driver.begin(Begin(period, np.array(Q)))
+    plant.measure(STILL)
+    command = torque_command((2.0, 0.5), np.array(Q) + np.array([0.1, 0.02]))
+    plant.kernels().state[2:4] = 1.0, -1.5
+    start = true_state(plant)
+
+    def motors(q: Array, rate: Array) -> Array:
+        if actuation.mode == "torque":
+            return command.torque
+        given = 40.0 * (command.position - q) - 0.7 * rate
+        return given + rods.gravity_torque(ARM, q) if actuation.gravity_compensation else given
+
+    def rates(t: float, s: Array) -> Array:
+        q, rate = s[:2], s[2:]
+        at = ARM.kinematics(q, rate)
+        speed = at.jacobian @ rate
+        normal = 1.5 * 800.0 * (at.position[1] - (0.32 + 0.01 + 0.4 * t)) + 20.0 * (speed[1] - 0.4)
+        force = np.array([0.7 * 0.2 * abs(normal) * np.clip(speed[0] / 5e-3, -1, 1) + 2.0, normal - 3.0])
+        net = motors(q, rate) - rods.inverse_dynamics(ARM, q, rate, np.zeros(2)) - at.jacobian.T @ force
+        net -= 1.8 * (coulomb * np.tanh(rate / 5e-3) + viscous * rate)
+        return np.concatenate([rate, np.linalg.solve(rods.mass_matrix(ARM, q), net)])
+
+    initial = np.concatenate([start.joint_position, start.joint_velocity])
+    found = scipy.integrate.solve_ivp(rates, (0.0, period), initial, rtol=1e-10, atol=1e-12, dense_output=True)
+    plant.advance(command, NUDGED)
+    end = true_state(plant)
+    np.testing.assert_allclose([*end.joint_position, *end.joint_velocity], found.y[:, -1], rtol=2e-4)
+    before_last = found.sol(period - 1e-3)
+    applied = plant.measure(NUDGED).applied_torque
+    np.testing.assert_allclose(applied, motors(before_last[:2], before_last[2:]), rtol=2e-4)
+
+
+def test_what_holds_the_arm_is_found_once() -> None:
+    """Later measurements leave the motors' torque as it is, and the command to hold does not change behind its back."""
+    plant = begin(TwoLink(arm(), surface()), Q)
+    hold = plant.hold()
+    first = hold.torque.copy()
+    plant.advance(torque_command((1.0, 2.0)), STILL)
+    np.testing.assert_array_equal(plant.measure(STILL).applied_torque, [1.0, 2.0])
+    np.testing.assert_array_equal(hold.torque, first)
 
 
 def test_a_pendulum_and_its_mirror_image_swing_alike() -> None:
