@@ -32,6 +32,8 @@ class CompiledTrial:
         # Views of the memory, all of one type, so that a kernel can go through them.
         self._fields = tuple(field.reshape(-1) for field in law.memory) or (np.zeros(0),)
         self._run = _bound(trial, self._plant, self._robot, law)
+        self.in_python = not can_be_composed(law.step)
+        """Whether the law needs the interpreter at every tick; else other threads have it during a block"""
         self.recent = Block(1, _track(0, self._rig, 0))
 
     def do(self, ticks: int) -> Ending | None:

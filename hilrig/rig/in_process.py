@@ -143,7 +143,8 @@ def _ticks(plant: PlantSide, control: ControlSide, wire: DirectWire) -> Ending:
 def _blocks(compiled: CompiledTrial, wire: DirectWire) -> Ending:
     """Do the ticks after the first one in blocks. No tick has a time of its own then, so none is recorded.
 
-    While a block is computed, a thread records the one before it.
+    While a block is computed, a thread records the one before it; unless the law is in Python, which would have to wait
+    for that thread at every turn.
     """
     wire.forget_times()
     ending, recorded = None, None
@@ -163,6 +164,8 @@ def _blocks(compiled: CompiledTrial, wire: DirectWire) -> Ending:
                     recorded = thread.submit(wire.publish_block, compiled.recent)
                 if earlier is not None:
                     earlier.result()
+                if compiled.in_python and recorded is not None:
+                    recorded.result()
     if recorded is not None:
         recorded.result()
     return ending
