@@ -42,6 +42,8 @@ class DirectWire:
         self._moments = (0, 0)
         self._next_report = 0
         self.last_answer: Answer
+        self.loop_s = 0.0
+        """s spent in blocks of ticks, without recording them"""
         self.sent: dict[str, int] = dict.fromkeys(recorder.summary(), 0)
 
     def wait(self, tick: int) -> None:
@@ -123,7 +125,8 @@ def run_in_process(
             plant.close()
             wire.end()
         summary = recorder.summary()
-        write_json(directory / "timing.json", summarise(trial.clock, recorder.timing))
+        timing = summarise(trial.clock, recorder.timing)
+        write_json(directory / "timing.json", {**timing, "loop_s": round(wire.loop_s, 4)})
     return Outcome.of(trial, *ending, time.monotonic() - began, summary)
 
 
@@ -156,9 +159,11 @@ def _blocks(compiled: CompiledTrial, wire: DirectWire) -> Ending:
                 ending = Ending("aborted", str(stop), compiled.tick)
                 break
             before = compiled.recent
+            began = time.monotonic()
             try:
                 ending = compiled.do(BLOCK)
             finally:
+                wire.loop_s += time.monotonic() - began
                 earlier = recorded
                 if compiled.recent is not before:  # else it was stopped on the threshold
                     recorded = thread.submit(wire.publish_block, compiled.recent)
