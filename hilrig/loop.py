@@ -7,6 +7,7 @@ tick k the plant is under the command of tick k - delay; before there is one, un
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -104,7 +105,7 @@ class ControlSide:
         self.force_index = np.array([WRENCH_AXES.index(axis) for axis in self._robot.axes])
         self.smoothing = trial.velocity_smoothing
         self.last_position: Array | None = None
-        self._last_tick = 0
+        self.last_tick = 0
         self.velocity = np.zeros(self._robot.joints)
         self.torque = np.zeros(self._robot.joints)
         self.law: Law | None = None
@@ -128,8 +129,8 @@ class ControlSide:
     def _observe(self, tick: int, measurement: Measurement) -> State:
         q = measurement.joint_position
         # In real time a tick can be missed: a difference over two periods is no rate over one.
-        gap = max(tick - self._last_tick, 1)
-        elapsed, self._last_tick = gap * self.trial.period, tick
+        gap = max(tick - self.last_tick, 1)
+        elapsed, self.last_tick = gap * self.trial.period, tick
         if self.last_position is None:
             self.last_position, self.torque = q, measurement.applied_torque
         smoothing = self.smoothing if gap == 1 else 1.0 - (1.0 - self.smoothing) ** gap
@@ -161,7 +162,8 @@ def not_finite(tick: int, controller: str, torque: Array) -> str:
 @kernel
 def filter_velocity(velocity: Array, q: Array, last_q: Array, period: float, smoothing: float) -> None:
     """Move q' on by one sample, in place: q' += a ((q - q_prev)/l - q'), a = 1 - exp(-2 pi f_c l)."""
-    velocity += smoothing * ((q - last_q) / period - velocity)
+    for i in range(velocity.size):
+        velocity[i] += smoothing * ((q[i] - last_q[i]) / period - velocity[i])
 
 
 @kernel
@@ -228,15 +230,34 @@ class Wire(Protocol):
         """Wait until the tick may begin. Raises Stopped if the trial is to end."""
         ...
 
-    def publish(self, tick: int, measurement: Measurement, truth: Truth | None) -> None:
-        """Hand on what was measured at `tick`."""
+    @property
+    def publish(self) -> Callable[..., None]:
+        """Hand on what was measured: publish(tick, *seen), as the side returned it."""
         ...
 
-    def command(self, tick: int, wanted: int) -> Command | None:
+    def command(self, tick: int, wanted: int) -> Any:
         """Return the command of tick `wanted` for the period that begins at `tick`, or the one to hold instead.
 
-        None before there is one.
+        As the side takes it; None before there is one.
         """
+        ...
+
+
+class DriverSide(Protocol):
+    """The driver's half of a trial as the loop has it."""
+
+    trial: Trial
+
+    def measure(self, tick: int) -> tuple[Any, ...]:
+        """Measure at `tick`; return what the wire is to publish. Raises Tripped."""
+        ...
+
+    def advance(self, tick: int, command: Any) -> None:
+        """Let the period that begins at `tick` pass under `command` (None: the holding one)."""
+        ...
+
+    def close(self) -> None:
+        """Release the plant."""
         ...
 
 
@@ -249,7 +270,7 @@ class Ending(NamedTuple):
     ticks: int
 
 
-def drive(side: PlantSide, wire: Wire) -> Ending:
+def drive(side: DriverSide, wire: Wire) -> Ending:
     """Run the trial from the driver's side, release the plant, and tell how it ended."""
     try:
         return do_ticks(side, wire, 0, side.trial.ticks)
@@ -257,15 +278,23 @@ def drive(side: PlantSide, wire: Wire) -> Ending:
         side.close()
 
 
-def do_ticks(side: PlantSide, wire: Wire, first: int, last: int) -> Ending:
-    """Do the ticks from `first` to `last` - 1, and tell how they ended."""
-    tick = first
+def do_ticks(side: DriverSide, wire: Wire, first: int, last: int) -> Ending:
+    """Do the ticks from `first` to `last` - 1, and tell how they ended.
+
+    In lockstep the measurement goes out first: its own command may be the one to wait for. In real time the command
+    that acts now has come in before, and is applied before anything else is done.
+    """
+    tick, delay, realtime = first, side.trial.actuation_delay, side.trial.clock == "realtime"
     try:
         while tick < last:
             wire.wait(tick)
-            measurement, truth = side.measure(tick)
-            wire.publish(tick, measurement, truth)
-            side.advance(tick, wire.command(tick, tick - side.trial.actuation_delay))
+            seen = side.measure(tick)
+            if realtime:
+                side.advance(tick, wire.command(tick, tick - delay))
+                wire.publish(tick, *seen)
+            else:
+                wire.publish(tick, *seen)
+                side.advance(tick, wire.command(tick, tick - delay))
             tick += 1
     except Tripped as trip:
         return Ending("tripped", str(trip), tick)

@@ -1,21 +1,123 @@
-"""A whole trial in one process, many ticks at a call."""
+"""A whole trial in one process, many ticks at a call: both halves, the law between them, and the loop around them.
+
+The loop is compiled, too, if the law is a kernel; it is plain Python if not.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, cast
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hilrig.compiled.tick import Block, Rig, Track, act_template, run_template, sense_template
+from hilrig.compiled.control import (
+    ControlRig,
+    ControlTrack,
+    answer,
+    control_rig,
+    control_track,
+    copied,
+    memory_fields,
+    observing,
+    since,
+)
+from hilrig.compiled.plant import PlantRig, PlantTrack, measuring, plant_rig, plant_track, put
 from hilrig.errors import Tripped
 from hilrig.interfaces import Law
 from hilrig.kernel import can_be_composed, composed, filled
-from hilrig.kernel_interfaces import PlantKernels, RobotKernels, Sight
-from hilrig.loop import Answer, ControlSide, Ending, PlantSide, checked, not_finite
+from hilrig.kernel_interfaces import PlantKernels, RobotKernels
+from hilrig.loop import Answer, ControlSide, Ending, PlantSide, checked, memory_sizes, not_finite
+from hilrig.messages.layouts import layouts
+from hilrig.messages.sheet import Sheet
 from hilrig.safety import Monitor
-from hilrig.signals import Array, Command, Kinematics, Measurement, Reference, State, nudge
+from hilrig.signals import Array, Command, Nudge, Reference, State, nudge
 from hilrig.trial import Trial
+
+
+class Rig(NamedTuple):
+    """What surrounds plant and law, and the commands on their way between them."""
+
+    plant: PlantRig
+    control: ControlRig
+    commands: Command
+    """The last commands, by tick modulo their number: arrays (delay + 1, n)"""
+    delay: int
+    """Ticks from a measurement to its command's effect"""
+
+
+class Track(NamedTuple):
+    """What is recorded of a block of ticks, one row for each."""
+
+    plant: PlantTrack
+    control: ControlTrack
+
+
+class Block(NamedTuple):
+    """Ticks that were done at one call."""
+
+    first: int
+    """The first tick"""
+    track: Track
+    sheets: dict[str, Sheet]
+    """What the track was written into, by channel"""
+
+    def messages(self) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+        """Yield (channel, messages (N, bytes)) of the block."""
+        for name, sheet in self.sheets.items():
+            yield name, sheet.payloads[: self.written(name)]
+
+    def written(self, channel: str) -> int:
+        """Return how many rows of a channel's sheet are written."""
+        track = self.track.plant if channel in ("state", "truth") else self.track.control
+        return int(track.done[0])
+
+
+# What `composed` puts in the place of these names.
+measure: Callable[..., bool] = cast(Any, None)
+observe: Callable[..., float] = cast(Any, None)
+plant_advance: Callable[[Any, Array, Nudge, Array, Array], None] = cast(Any, None)
+sense: Callable[..., tuple[bool, float]] = cast(Any, None)
+act: Callable[..., bool] = cast(Any, None)
+law_step: Callable[[Any, Any, State, Reference], Array] = cast(Any, None)
+
+
+def sense_template(tick: int, plant: Any, state: Array, robot: Any, rig: Rig, track: Track) -> tuple[bool, float]:
+    """Measure at `tick`; return whether it is safe to go on, and the time since the law's last step, s."""
+    row, reported = track.plant.done[0], track.plant.state
+    if not measure(tick, plant, state, rig.plant, track.plant):
+        return False, 0.0
+    return True, observe(tick, reported.joint_position[row], reported.wrench[row], robot, rig.control)
+
+
+def act_template(
+    tick: int, wished: Array, memory: tuple[Array, ...], plant: Any, state: Array, rig: Rig, track: Track
+) -> bool:
+    """Let the law's torque, limited, take effect after its delay; return whether it was finite."""
+    row, slots = track.control.done[0], rig.commands.torque.shape[0]
+    if not answer(tick, wished, memory, rig.control, track.control):
+        return False
+    slot, due = tick % slots, (tick - rig.delay) % slots
+    put(rig.commands.torque[slot], track.control.command.torque[row])
+    put(rig.commands.position[slot], track.control.command.position[row])
+    now = nudge(rig.plant.inputs, tick)
+    plant_advance(plant, state, now, rig.commands.torque[due], rig.commands.position[due])
+    return True
+
+
+def run_template(
+    first: int, last: int, parameters: Any, memory: Any, fields: tuple[Array, ...], plant: Any, state: Array,
+    robot: Any, rig: Rig, track: Track,
+) -> int:  # fmt: skip
+    """Do the ticks from `first` to `last` - 1; return how far it came: `last`, or the tick at which it had to stop."""
+    for tick in range(first, last):
+        safe, elapsed = sense(tick, plant, state, robot, rig, track)
+        if not safe:
+            return tick
+        wished = law_step(parameters, memory, since(elapsed, rig.control.seen), rig.control.wanted)
+        if not act(tick, wished, fields, plant, state, rig, track):
+            return tick
+    return last
 
 
 class CompiledTrial:
@@ -29,17 +131,18 @@ class CompiledTrial:
         self._plant: PlantKernels = cast(Any, plant.plant).kernels()
         self._robot: RobotKernels = cast(Any, trial.driver.robot).kernels()
         self._rig = _rig(plant, control, first)
-        # Views of the memory, all of one type, so that a kernel can go through them.
-        self._fields = tuple(field.reshape(-1) for field in law.memory) or (np.zeros(0),)
+        self._fields = memory_fields(law)
+        memory = memory_sizes(law.memory, trial.controller_name)
+        self._layouts = layouts(trial.driver.robot.joints, len(trial.axes), memory)
         self._run = _bound(trial, self._plant, self._robot, law)
         self.in_python = not can_be_composed(law.step)
         """Whether the law needs the interpreter at every tick; else other threads have it during a block"""
-        self.recent = Block(1, _track(0, self._rig, 0))
+        self.recent = self._block(1, 0)
 
     def do(self, ticks: int) -> Ending | None:
         """Do up to so many ticks, which are then in `recent`; return how the trial ended, if it did."""
         first, last = self.tick, min(self.tick + ticks, self._trial.ticks)
-        self.recent = Block(first, _track(last - first, self._rig, sum(field.size for field in self._fields)))
+        self.recent = self._block(first, last - first)
         law, plant = self._law, self._plant
         self.tick = self._run(
             first, last, law.parameters, law.memory, self._fields, plant.constants, plant.state,
@@ -49,17 +152,27 @@ class CompiledTrial:
             return Ending("tripped", self._reason(), self.tick)
         return Ending("completed", "", last) if last == self._trial.ticks else None
 
+    def _block(self, first: int, ticks: int) -> Block:
+        # Two rows at least: an array with one row is of another type to numba.
+        names = ("state", "truth", "command", "internals")
+        sheets = {name: Sheet(self._layouts[name], max(ticks, 2)) for name in names}
+        return Block(first, Track(plant_track(sheets), control_track(sheets)), sheets)
+
     def _reason(self) -> str:
         """Return why `run` stopped before the end of a block."""
-        tick, rig, done = self.tick, self._rig, self.recent.track.done
-        if done[0] > done[1]:
-            return not_finite(tick, self._trial.controller_name, rig.wished)
-        exact = self._side.plant.measure(nudge(rig.inputs, tick))
-        try:
-            Monitor(self._trial.limits, rig.period, rig.last_exact).check(tick, exact)
-        except Tripped as trip:
-            return str(trip)
-        raise AssertionError("the compiled loop and the monitor disagree about the limits")
+        if self.recent.written("state") > self.recent.written("command"):
+            return not_finite(self.tick, self._trial.controller_name, self._rig.control.wished)
+        return why_unsafe(self._side, self._rig.plant, self.tick)
+
+
+def why_unsafe(side: PlantSide, rig: PlantRig, tick: int) -> str:
+    """Return why the measurement of `tick` ends the trial."""
+    exact = side.plant.measure(nudge(rig.inputs, tick))
+    try:
+        Monitor(side.trial.limits, rig.period, rig.last_exact).check(tick, exact)
+    except Tripped as trip:
+        return str(trip)
+    raise AssertionError("the compiled loop and the monitor disagree about the limits")
 
 
 def warm_up(trial: Trial) -> None:
@@ -75,71 +188,35 @@ def warm_up(trial: Trial) -> None:
 
 def can_compile(plant: PlantSide, control: ControlSide) -> bool:
     """Return whether plant and robot offer kernels, and the law's memory can be recorded from where it lies."""
+    return hasattr(plant.plant, "kernels") and in_one_piece(control)
+
+
+def in_one_piece(control: ControlSide) -> bool:
+    """Return whether the robot offers kernels, and the law's memory can be recorded from where it lies."""
     law = control.law
-    offered = hasattr(plant.plant, "kernels") and hasattr(plant.trial.driver.robot, "kernels")
+    offered = hasattr(control.trial.driver.robot, "kernels")
     return offered and law is not None and all(field.flags.c_contiguous for field in law.memory)
 
 
 def _bound(trial: Trial, plant: PlantKernels, robot: RobotKernels, law: Law) -> Callable[..., int]:
     """Return `run_template` with the kernels of this plant and robot, and the law's step, in it."""
-    sense = composed(sense_template, makes_arrays=False, plant_observe=plant.observe, robot_kinematics=robot.kinematics)
+    sense = composed(sense_template, makes_arrays=False, measure=measuring(plant), observe=observing(robot))
     act = composed(act_template, makes_arrays=False, plant_advance=plant.advance)
     if can_be_composed(law.step):
         return composed(run_template, sense=sense, act=act, law_step=law.step)
 
     def step(parameters: Any, memory: Any, state: State, reference: Reference) -> Array:
         # A law in Python may keep what it is given; here the arrays change at the next tick.
-        given = _copied(state)
+        given = copied(state)
         return checked(law.step(parameters, memory, given, Reference(*(part.copy() for part in reference))), trial)
 
     return filled(run_template, sense=sense, act=act, law_step=step)
 
 
-def _copied(state: State) -> State:
-    return State._make(part.copy() if isinstance(part, np.ndarray) else part for part in state)
-
-
 def _rig(plant: PlantSide, control: ControlSide, first: Answer) -> Rig:
-    trial, hold, exact = plant.trial, plant.hold, plant.past[-1]
+    delay, hold = plant.trial.actuation_delay, plant.hold
     assert hold is not None, "measure() comes first"
-    n, m = trial.driver.robot.joints, len(trial.axes)
-    depth, slots = int(plant.inputs.measurement_delay.max(initial=0)) + 1, trial.actuation_delay + 1
-    past = Measurement(*(np.repeat(value[None, :], depth, axis=0) for value in exact))
-    commands = Command(*(np.repeat(value[None, :], slots, axis=0) for value in hold))
+    commands = Command(*(np.repeat(value[None, :], delay + 1, axis=0) for value in hold))
     for ring, value in zip(commands, first.command, strict=True):
         ring[0] = value
-    seen = _copied(first.state)._replace(torque=first.command.torque.copy(), elapsed=trial.period)
-    at = Kinematics(seen.position, seen.velocity, seen.jacobian, seen.jacobian_rate, seen.regressor)
-    return Rig(
-        plant.inputs, control.references, trial.limits.tip_force, trial.limits.joint_velocity, trial.period,
-        control.smoothing, trial.driver.servo_gain or 0.0, control.force_index, control.task.torque_limit,
-        exact.joint_position.copy(), seen, at, Reference(*(part.copy() for part in first.reference)), _sight(n, m),
-        past, commands, trial.actuation_delay, np.zeros(seen.torque.size),
-    )  # fmt: skip
-
-
-def _sight(joints: int, axes: int) -> Sight:
-    return Sight(*(np.empty(size) for size in (joints, joints, axes, axes, 6, joints)))
-
-
-def _track(rows: int, rig: Rig, memory: int) -> Track:
-    """Return room for the record of so many ticks."""
-    n, m = rig.seen.joint_position.size, rig.seen.position.size
-
-    def room(width: int) -> Array:
-        return np.empty((rows, width))
-
-    state, truth = Measurement(room(n), room(6), room(n)), Sight(*(room(part.size) for part in rig.sight))
-    command, reference = Command(room(n), room(n)), Reference(room(m), room(m), room(m), room(m))
-    return Track(
-        state,
-        truth,
-        np.empty(rows),
-        command,
-        room(m),
-        room(m),
-        room(m),
-        reference,
-        room(memory),
-        np.zeros(2, dtype=np.int64),
-    )
+    return Rig(plant_rig(plant), control_rig(control, first), commands, delay)

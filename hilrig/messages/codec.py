@@ -108,6 +108,15 @@ class Codec:
                 flat.extend(value.tolist())
         return self._struct.pack(*flat)
 
+    def zero(self) -> bytes:
+        """Return the message in which every value is zero."""
+        fields = ((count, is_scalar, dtype) for _, count, _, is_scalar, _, dtype in self._plan)
+        return self.pack([0 if is_scalar else np.zeros(count, dtype) for count, is_scalar, dtype in fields])
+
+    def pack_into(self, buffer: memoryview, offset: int, values: Sequence[float]) -> None:
+        """Write a message of numbers alone, without arrays, at `offset`. Raises struct.error if it has arrays."""
+        self._struct.pack_into(buffer, offset, CDR_HEADER, *values)
+
     def unpack(self, payload: bytes) -> list[Any]:
         """Return the values in order: numbers, and arrays (of a copy) for everything else.
 
@@ -128,17 +137,26 @@ class Codec:
         """
         for payload in payloads:
             self._check(payload)
-        table = np.frombuffer(b"".join(payloads), self._dtype())
+        return self.table(np.frombuffer(b"".join(payloads), np.uint8).reshape(-1, self.size))
+
+    def table(self, payloads: NDArray[np.uint8]) -> dict[str, Array]:
+        """Return each field of messages (N, size): (N,) for scalars, (N, k) for arrays."""
+        table = np.ascontiguousarray(payloads).view(self._dtype())[:, 0]
         return {name: np.ascontiguousarray(table[name]) for name, *_ in self._plan}
 
-    def pack_rows(self, values: Sequence[NDArray[Any]]) -> NDArray[np.uint8]:
-        """Return many messages at once, (N, size) bytes: one array per field in order, (N,) or (N, k)."""
-        zero = [0 if is_scalar else np.zeros(count, dtype) for _, count, _, is_scalar, _, dtype in self._plan]
-        rows = np.repeat(np.frombuffer(self.pack(zero), np.uint8)[None, :], len(values[0]), axis=0)
-        table = rows.view(self._dtype())[:, 0]
-        for (name, *_), column in zip(self._plan, values, strict=True):
-            table[name] = column
-        return rows
+    def views(self, words: NDArray[np.uint64], first: int) -> list[NDArray[Any]]:
+        """Return each field in many messages that lie in `words`, (N, ...), from word `first` behind their headers.
+
+        (N,) for numbers, (N, k) for arrays; what is written into them is in the messages.
+        """
+        return [
+            words.view(dtype)[:, first + at] if is_scalar else words.view(dtype)[:, first + at : first + at + count]
+            for count, is_scalar, at, dtype in self._words
+        ]
+
+    def word_of(self, field: int) -> int:
+        """Return where the field with this index begins, in words behind the header; one behind the last: the end."""
+        return self._words[field][2] if field < len(self._words) else -(-(self.size - len(CDR_HEADER)) // 8)
 
     def _dtype(self) -> np.dtype[Any]:
         names, formats, offsets = [], [], []

@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from io import BytesIO
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 import lz4.frame
 import numpy as np
@@ -30,8 +30,8 @@ _MESSAGE_HEAD = 22
 def read_bag(path: Path, topics: Iterable[str] | None = None) -> dict[str, dict[str, np.ndarray]]:
     """Return every field of every message: channel -> field -> array, (N,) or (N, k), in order of recording.
 
-    `topics` selects channels (default all). A bag that was cut off by a crash gives all that reached the disk. Timing
-    channels, which carry many ticks a message, come out one row per tick. Raises RunDirectoryError if it is no bag.
+    `topics` selects channels (default all). A bag that was cut off by a crash gives all that reached the disk.
+    Raises RunDirectoryError if it is no bag.
     """
     wanted = None if topics is None else {topic.strip("/") for topic in topics}
     payloads: dict[str, list[bytes]] = defaultdict(list)
@@ -107,21 +107,4 @@ def _chunks(file: IO[bytes], path: Path) -> Iterator[bytes]:
 
 
 def _columns(definition: Definition, payloads: list[bytes]) -> dict[str, np.ndarray]:
-    batched = definition.name.endswith("Timing")
-    if not batched:
-        return Codec(definition, sizes_in(definition, payloads[0])).columns(payloads)
-    rows: dict[str, list[np.ndarray]] = defaultdict(list)
-    for payload in payloads:
-        codec = Codec(definition, sizes_in(definition, payload))
-        names = (field.name for field in definition.fields)
-        for name, value in _rows(dict(zip(names, codec.unpack(payload), strict=True))).items():
-            rows[name].append(value)
-    return {name: np.concatenate(parts) for name, parts in rows.items()}
-
-
-def _rows(batch: dict[str, Any]) -> dict[str, np.ndarray]:
-    """Return one message of many ticks with a `tick` for each: its `ticks` if it names them, else counted on."""
-    first = int(batch.pop("tick"))
-    ticks = batch.pop("ticks", None)
-    count = len(next(iter(batch.values())))
-    return {"tick": first + np.arange(count) if ticks is None else ticks, **batch}
+    return Codec(definition, sizes_in(definition, payloads[0])).columns(payloads)

@@ -1,4 +1,4 @@
-"""Writes a trial's recording: an MCAP file of ROS 2 messages, one by one or many ticks at a time.
+"""Writes a trial's recording: an MCAP file of ROS 2 messages, many ticks at a time.
 
 The records are mcap's own; what is ours is that a chunk can be made from arrays. mcap's writer makes Python objects of
 every message, which costs a compiled trial ten times more than its computation.
@@ -22,17 +22,10 @@ from hilrig import __version__
 from hilrig.messages.codec import Definition
 from hilrig.recording.bag import MAGIC
 
-CHUNK_SIZE = 64 * 1024
-"""Bytes. After a crash at most the last chunk is lost."""
-
-_HEAD = struct.Struct("<BQHIQQ")
-"""Of a message record, before its payload: opcode, length, channel, sequence, log time, publish time"""
-_HEAD_COLUMNS = [
+_HEAD = [
     ("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8"),
 ]  # fmt: skip
-"""The same as columns"""
-_ENTRY = struct.Struct("<QQ")
-"""Of a message index: log time, offset in the chunk"""
+"""Of a message record, before its payload"""
 _NO_SPAN = (2**63, 0)
 """First and last log time of a chunk without messages, ns"""
 
@@ -62,20 +55,11 @@ class BagWriter:
         self._counts[number] = 0
         self._content += _bytes(schema, channel)
 
-    def write(self, name: str, payload: bytes, tick: int, period: float) -> None:
-        """Record one payload as of `tick` (time = tick * period, s)."""
-        number, time, length = self._channels[name].id, round(tick * period * 1e9), len(payload) + _HEAD.size - 9
-        self._note(number, 1, _ENTRY.pack(time, len(self._content)), time, time)
-        self._content += _HEAD.pack(Opcode.MESSAGE, length, number, tick & 0xFFFFFFFF, time, time)
-        self._content += payload
-        if len(self._content) > CHUNK_SIZE:
-            self.end_chunk()
-
-    def write_rows(self, name: str, payloads: np.ndarray, ticks: np.ndarray, period: float) -> None:
-        """Add payloads (N, bytes) as of `ticks` (N,) to the chunk in progress."""
+    def write(self, name: str, payloads: np.ndarray, ticks: np.ndarray, period: float) -> None:
+        """Record payloads (N, bytes) as of `ticks` (N,); their log time is tick * period, s."""
         count, size = payloads.shape
         times = np.rint(ticks * period * 1e9).astype(np.uint64)
-        rows = np.empty(count, np.dtype([*_HEAD_COLUMNS, ("payload", "u1", (size,))]))
+        rows = np.empty(count, np.dtype([*_HEAD, ("payload", "u1", (size,))]))
         rows["opcode"], rows["length"] = Opcode.MESSAGE, rows.itemsize - 9
         rows["channel"] = number = self._channels[name].id
         rows["sequence"] = ticks & 0xFFFFFFFF
@@ -91,9 +75,9 @@ class BagWriter:
         start, end = self._span
         self._span = (min(first, start), max(last, end))
 
-    def end_chunk(self) -> None:
-        """Write what has been collected to the disk, with its index. A chunk without messages is not written."""
-        if not self._entries:
+    def end_chunk(self, least: int = 0) -> None:
+        """Write what has been collected to the disk, with its index, if it has messages and `least` bytes."""
+        if not self._entries or len(self._content) < least:
             return
         data = lz4.frame.compress(self._content)
         span = dict(zip(("message_start_time", "message_end_time"), self._span, strict=True))

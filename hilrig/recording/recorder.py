@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hilrig.messages.codec import Definition
+from hilrig.messages.codec import Codec, Definition
 from hilrig.recording.bag_writer import BagWriter
 
+CHUNK_SIZE = 64 * 1024
+"""Bytes of a chunk at least: what a crash may lose, and the blocks of ticks that came with it"""
 MOST_GAPS = 20
 """Gaps listed per channel; all of them are counted."""
+TIMING = ("driver_timing", "controller_timing")
 
 
 class Account:
@@ -27,14 +30,15 @@ class Account:
         self.gap_count = 0
         self._next = 0
 
-    def note(self, tick: int, count: int = 1) -> None:
-        """Count `count` stored messages from `tick` on, and any ticks missing before it."""
-        if tick > self._next:
-            self.gap_count += 1
-            if len(self.gaps) < MOST_GAPS:
-                self.gaps.append([self._next, tick - 1])
-        self._next = tick + count
-        self.stored += count
+    def note(self, ticks: NDArray[np.int64]) -> None:
+        """Count stored messages of these ticks, (N,) in rising order, and any ticks missing before or between them."""
+        before = np.concatenate([[self._next], ticks[:-1] + 1])
+        missing = np.flatnonzero(ticks > before)
+        self.gap_count += missing.size
+        for i in missing[: MOST_GAPS - len(self.gaps)]:
+            self.gaps.append([int(before[i]), int(ticks[i]) - 1])
+        self._next = int(ticks[-1]) + 1
+        self.stored += ticks.size
 
     def summary(self) -> dict[str, Any]:
         """Return sent, stored, lost (None where the sender never said) and the gaps, [first, last] tick each."""
@@ -44,53 +48,44 @@ class Account:
         }  # fmt: skip
 
 
-class Channel(NamedTuple):
-    """A channel of the bag."""
-
-    name: str
-    definition: Definition
-    per_tick: bool
-    """One message per tick; otherwise one message holds many ticks"""
-
-
 class Recorder:
     """Writes bag.mcap in a trial's directory."""
 
-    def __init__(self, directory: Path, period: float, channels: list[Channel]) -> None:
+    def __init__(self, directory: Path, period: float, definitions: Mapping[str, Definition]) -> None:
         self._period = period
+        self._definitions = definitions
         self._bag = BagWriter(directory / "bag.mcap")
-        self._accounts: dict[str, Account] = {}
-        self._per_tick = {channel.name: channel.per_tick for channel in channels}
-        self.timing: dict[str, list[bytes]] = defaultdict(list)
-        """Payloads of the channels that are not per tick, kept for the timing summary"""
-        for channel in channels:
-            self._bag.add_channel(channel.name, channel.definition)
-            self._accounts[channel.name] = Account()
+        self._accounts = {name: Account() for name in definitions}
+        self._timing: dict[str, list[NDArray[np.uint8]]] = {name: [] for name in TIMING}
+        for name, definition in definitions.items():
+            self._bag.add_channel(name, definition)
 
-    def store(self, name: str, payload: bytes) -> None:
-        """Record one message."""
-        tick = int.from_bytes(payload[4:12], "little")
-        account = self._accounts[name]
-        if self._per_tick[name]:
-            account.note(tick)
-        else:
-            account.stored += 1
-            self.timing[name].append(payload)
-        self._bag.write(name, payload, tick, self._period)
+    def store(self, name: str, payloads: NDArray[np.uint8]) -> None:
+        """Record the messages of some ticks, (N, bytes), in rising order."""
+        if payloads.shape[0] == 0:
+            return
+        # The first field of every message of a trial is its tick.
+        ticks = np.ascontiguousarray(payloads[:, 4:12]).view(np.int64)[:, 0]
+        self._accounts[name].note(ticks)
+        self._bag.write(name, payloads, ticks, self._period)
+        if name in self._timing:
+            self._timing[name].append(payloads)
 
-    def store_rows(self, name: str, payloads: NDArray[np.uint8], ticks: NDArray[np.int64]) -> None:
-        """Record the messages of ticks that follow one another, (N, bytes)."""
-        if ticks.size:
-            self._accounts[name].note(int(ticks[0]), ticks.size)
-            self._bag.write_rows(name, payloads, ticks, self._period)
-
-    def end_block(self) -> None:
-        """Write what has been stored to the disk."""
-        self._bag.end_chunk()
+    def write(self) -> None:
+        """Write what has been stored to the disk, if it is enough for a chunk."""
+        self._bag.end_chunk(CHUNK_SIZE)
 
     def sent(self, name: str, count: int) -> None:
         """Note how many messages the sender says it sent."""
         self._accounts[name].sent = count
+
+    def timing(self) -> dict[str, dict[str, NDArray[Any]]]:
+        """Return all time stamps: channel -> field -> array (N,)."""
+        return {name: self._columns(name, parts) for name, parts in self._timing.items()}
+
+    def _columns(self, name: str, parts: list[NDArray[np.uint8]]) -> dict[str, NDArray[Any]]:
+        codec = Codec(self._definitions[name], {})
+        return codec.table(np.concatenate([np.zeros((0, codec.size), np.uint8), *parts]))
 
     def summary(self) -> dict[str, dict[str, Any]]:
         """Return the account of every channel."""

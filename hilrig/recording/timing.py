@@ -7,21 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from hilrig.messages.codec import Codec, definition, sizes_in
-
 QUANTILES = {"p50": 50.0, "p99": 99.0, "p99.9": 99.9, "max": 100.0}
 
 
-def summarise(clock: str, payloads: Mapping[str, list[bytes]]) -> dict[str, Any]:
-    """Return the timing of a trial from its timing messages, channel -> payloads.
+def summarise(clock: str, stamps: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, Any]:
+    """Return the timing of a trial from its time stamps, channel -> field -> (N,).
 
     late: ticks whose period ran under an older command than it should have. lateness: due to woken, real time only.
     round_trip: measurement published to command in hand. compute: measurement in hand to torque known. Microseconds.
     """
-    driver = _table("DriverTiming", payloads.get("driver_timing", []))
-    controller = _table("ControllerTiming", payloads.get("controller_timing", []))
-    ticks = driver["due"].size
-    late = int(np.count_nonzero(driver["late"]))
+    driver, controller = stamps["driver_timing"], stamps["controller_timing"]
+    ticks, late = driver["due"].size, 0
     return {
         "clock": clock,
         "ticks": ticks,
@@ -39,13 +35,3 @@ def quantiles(nanoseconds: np.ndarray) -> dict[str, float] | None:
         return None
     values = np.percentile(nanoseconds, list(QUANTILES.values())) / 1e3
     return dict(zip(QUANTILES, (round(float(value), 1) for value in values), strict=True))
-
-
-def _table(name: str, payloads: list[bytes]) -> dict[str, np.ndarray]:
-    fields = [field.name for field in definition(name).fields]
-    rows = [Codec(definition(name), sizes_in(definition(name), payload)).unpack(payload) for payload in payloads]
-    empty = np.zeros(0, dtype=np.int64)
-    return {
-        name: np.concatenate([np.atleast_1d(row[i]) for row in rows]) if rows else empty
-        for i, name in enumerate(fields)
-    }

@@ -18,7 +18,9 @@ from typing import Any
 from hilrig.errors import RigError, Stopped, describe
 from hilrig.recording.run_directory import read_trial
 from hilrig.rig.bus import Bus
+from hilrig.rig.continuations import Continuations
 from hilrig.rig.cores import come_first, finish_before_yielding, pin
+from hilrig.rig.courier import Courier
 from hilrig.trial import Trial
 
 PR_SET_PDEATHSIG = 1
@@ -56,6 +58,8 @@ class Child:
         self.role = orders.role
         self.run = Path(orders.run)
         self._bus: Bus | None = None
+        self._courier: Courier | None = None
+        self._continued = Continuations()
 
     def read_trial(self) -> Trial:
         """Return the trial that this rig is to run."""
@@ -77,6 +81,24 @@ class Child:
             self._status = self._bus.outbox("status", blocking=True)
             self._orders = self._bus.inbox("order")
         return self._bus
+
+    def record(self) -> Callable[[bytes], None]:
+        """Return what sends parcels to the logger; in real time it never waits."""
+        put = self.bus.outbox("record", blocking=True).put
+        if not self.orders.realtime:
+            return put
+        self._courier = Courier(put)
+        return self._courier.send
+
+    def finish_record(self) -> None:
+        """Wait until all parcels have been sent."""
+        if self._courier is not None:
+            self._courier.finish()
+
+    @property
+    def continued(self) -> int:
+        """When the process last went on after it had been stopped, CLOCK_MONOTONIC ns; 0: never."""
+        return self._continued.last
 
     def leave(self) -> None:
         """Leave the bus, if on it."""

@@ -5,42 +5,56 @@ from __future__ import annotations
 import time
 
 from hilrig.errors import Tripped
-from hilrig.loop import ControlSide, warm_up_control
-from hilrig.rig.channels import CONTROLLER, PARCEL, Codecs, Record, Stamps
+from hilrig.messages.layouts import layouts
+from hilrig.rig.bus import Inbox, Outbox
+from hilrig.rig.channels import CONTROLLER, Record
 from hilrig.rig.child import Child, main
+from hilrig.rig.halves import ControlHalf, warm_up_control
 
 
 def work(child: Child) -> None:
     """Answer every measurement until the driver says that it was the last."""
     trial = child.read_trial()
-    realtime = trial.clock == "realtime"
     memory = warm_up_control(trial)
-    codecs, side, stamps = Codecs(trial, memory), ControlSide(trial), Stamps("ControllerTiming", 4)
+    codecs = layouts(trial.driver.robot.joints, len(trial.axes), memory)
+    realtime = trial.clock == "realtime"
     states = child.bus.inbox("state", latest_only=realtime)
     commands = child.bus.outbox("command", blocking=not realtime)
-    record = Record(child.bus.outbox("record", blocking=True), CONTROLLER)
+    record = Record(child.record(), codecs, CONTROLLER)
+    half = ControlHalf(trial, codecs, record.sheets, record.rows)
     child.ready(("driver", "logger"), memory=memory)
     try:
-        while payload := states.take():
-            received = time.monotonic_ns()
-            tick, measurement = codecs.read_state(payload)
-            answer = side.control(tick, measurement)
-            computed = time.monotonic_ns()
-            command = codecs.command(tick, answer)
-            commands.put(command)
-            published = time.monotonic_ns()
-            record.add("command", command)
-            record.add("internals", codecs.internals(tick, answer))
-            record.add("controller_timing", stamps.note(tick, tick, received, computed, published))
-            if tick % PARCEL == PARCEL - 1:
-                record.ship()
+        answer_all(child, trial.period, half, record, states, commands)
     except Tripped as trip:
         child.tell("tripped", reason=str(trip))
     finally:
         commands.end()
-        record.add("controller_timing", stamps.flush())
         record.end()
+        child.finish_record()
     child.tell("done")
+
+
+def answer_all(
+    child: Child, period: float, half: ControlHalf, record: Record, states: Inbox, commands: Outbox
+) -> None:  # fmt: skip
+    """Answer until the last measurement. Raises Tripped."""
+    now, put, message = time.monotonic_ns, commands.put, record.sheets["command"].message
+    note, last = record.sheets["controller_timing"].write, record.rows - 1
+    while True:
+        waiting = now()
+        state = states.take()
+        if not state:
+            return
+        received = now()
+        row = half.answer(state)
+        computed = now()
+        put(message(row))
+        published = now()
+        tick = int.from_bytes(state[4:12], "little")
+        note(row, tick, tick * period, waiting, received, computed, published, child.continued)
+        record.wrote(row)
+        if row == last:
+            record.ship()
 
 
 if __name__ == "__main__":

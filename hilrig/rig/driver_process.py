@@ -4,99 +4,113 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Mapping
 
 from hilrig.errors import Stopped
-from hilrig.loop import PlantSide, drive, warm_up_plant
-from hilrig.rig.channels import DRIVER, PARCEL, Codecs, Record, Stamps
+from hilrig.loop import drive
+from hilrig.messages.codec import Codec
+from hilrig.messages.layouts import layouts
+from hilrig.rig.arrivals import Arrivals, Waiting
+from hilrig.rig.channels import DRIVER, Record
 from hilrig.rig.child import Child, main
 from hilrig.rig.clock import PROGRESS, Pacer
-from hilrig.signals import Command, Measurement, Truth
+from hilrig.rig.halves import PlantHalf, warm_up_plant
 from hilrig.trial import Trial
 
 
 class BusWire:
     """The driver's end of the bus."""
 
-    def __init__(self, child: Child, trial: Trial) -> None:
-        self._child = child
+    def __init__(self, child: Child, trial: Trial, codecs: Mapping[str, Codec]) -> None:
+        self._child, self._trial = child, trial
         self._realtime = trial.clock == "realtime"
-        self._codecs = Codecs(trial, {})
         self._pacer = Pacer(trial.period, self._realtime)
-        self._state = child.bus.outbox("state", blocking=not self._realtime)
-        self._inbox = child.bus.inbox("command")
-        self._record = Record(child.bus.outbox("record", blocking=True), DRIVER)
-        self._waiting: deque[tuple[int, Command]] = deque()
-        self._held: tuple[int, Command | None] = (-1, None)
-        self._stamps = Stamps("DriverTiming", 5)
-        self._moments = (0, 0, 0)
+        self._put_state = child.bus.outbox("state", blocking=not self._realtime).put
+        inbox = child.bus.inbox("command")
+        self._commands = Arrivals(inbox) if self._realtime else Waiting(inbox)
+        self._record = Record(child.record(), codecs, DRIVER)
+        self._state, self._stamps = self._record.sheets["state"], self._record.sheets["driver_timing"]
+        self.half = PlantHalf(trial, codecs, self._record.sheets, self._record.rows)
+        self._waiting: deque[tuple[int, int, bytes]] = deque()
+        self._held: tuple[int, int, bytes | None] = (-1, 0, None)
+        self._due = self._woke = self._published = self._applied = 0
         self._next_report = 0
 
     def wait(self, tick: int) -> None:
-        """Wait for the tick's due time; report progress and look for orders now and then."""
-        due = self._pacer.wait(tick)
-        woke = time.monotonic_ns()
+        """Wait until the tick is due; report progress and look for orders now and then."""
+        self._due = self._pacer.wait(tick)
+        self._woke = woke = time.monotonic_ns()
         if woke > self._next_report:
             self._next_report = woke + PROGRESS
             self._child.tell("progress", tick=tick)
             if self._child.told_to_stop():
                 raise Stopped("by order")
-        self._moments = (due, woke, 0)
 
-    def publish(self, tick: int, measurement: Measurement, truth: Truth | None) -> None:
-        """Send the state; keep it and the truth for the record."""
-        payload = self._codecs.state(tick, measurement)
-        self._state.put(payload)
-        self._moments = (*self._moments[:2], time.monotonic_ns())
-        self._record.add("state", payload)
-        if truth is not None:
-            self._record.add("truth", self._codecs.truth(tick, truth))
-        if tick % PARCEL == PARCEL - 1:
-            self._record.ship()
+    def publish(self, tick: int) -> None:
+        """Send the state that is on its sheet."""
+        row = tick % self._record.rows
+        self._put_state(self._state.message(row))
+        self._published = time.monotonic_ns()
+        self._record.written["state"] = row + 1
+        if self.half.truthful:
+            self._record.written["truth"] = row + 1
+        if self._realtime:
+            self._note(tick, row)
 
-    def command(self, tick: int, wanted: int) -> Command | None:
+    def command(self, tick: int, wanted: int) -> bytes | None:
         """Return the command for this period; in real time the last one is held when the wanted one is late."""
         self._collect(wanted)
-        late = max(wanted - self._held[0], 0)
-        self._record.add("driver_timing", self._stamps.note(tick, *self._moments, time.monotonic_ns(), late))
-        return self._held[1]
+        self._applied = time.monotonic_ns()
+        if not self._realtime:
+            self._note(tick, tick % self._record.rows)
+        return self._held[2]
 
     def _collect(self, wanted: int) -> None:
         """Make the newest command that is not newer than `wanted` the held one."""
         while True:
             while self._waiting and self._waiting[0][0] <= wanted:
                 self._held = self._waiting.popleft()
-            if self._held[0] >= wanted or self._waiting or not self._receive(wait=not self._realtime):
+            if self._held[0] >= wanted or self._waiting:
                 return
+            arrival = self._commands.take()
+            if arrival is None:
+                return
+            received, message = arrival
+            if not message:
+                raise Stopped("the controller ended first")
+            self._waiting.append((int.from_bytes(message[4:12], "little"), received, message))
 
-    def _receive(self, wait: bool) -> bool:
-        payload = self._inbox.take() if wait else self._inbox.poll()
-        if payload is None:
-            return False
-        if not payload:
-            raise Stopped("the controller ended first")
-        tick, (torque, position) = self._codecs.read_command(payload)
-        self._waiting.append((tick, Command(torque, position)))
-        return True
+    def _note(self, tick: int, row: int) -> None:
+        """Note when things happened at this tick; every so many ticks hand the record over."""
+        command, received, _ = self._held
+        self._stamps.write(
+            row, tick, tick * self._trial.period, self._due, self._woke, self._published, command, received,
+            self._applied, self._child.continued,
+        )  # fmt: skip
+        self._record.written["driver_timing"] = row + 1
+        if row == self._record.rows - 1:
+            self._record.ship()
 
     def end(self) -> None:
         """Send what is left and say that this was all."""
-        self._state.end()
-        self._record.add("driver_timing", self._stamps.flush())
+        self._put_state(b"")
         self._record.end()
+        self._child.finish_record()
 
 
 def work(child: Child) -> None:
     """Run the trial from the driver's side."""
     trial = child.read_trial()
-    warm_up_plant(trial)
-    wire, side = BusWire(child, trial), PlantSide(trial)
+    codecs = layouts(trial.driver.robot.joints, len(trial.axes), {})
+    warm_up_plant(trial, codecs)
+    wire = BusWire(child, trial, codecs)
     try:
         child.ready(("controller", "logger"))
     except BaseException:
-        side.close()
+        wire.half.close()
         raise
     try:
-        ending = drive(side, wire)
+        ending = drive(wire.half, wire)
     finally:
         wire.end()
     child.tell("done", **ending._asdict())

@@ -3,104 +3,122 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
-from hilrig.compiled.tick import Block
-from hilrig.compiled.trial import CompiledTrial, can_compile, warm_up
+from hilrig.compiled.trial import Block, CompiledTrial, can_compile, warm_up
 from hilrig.errors import Stopped
 from hilrig.loop import Answer, ControlSide, Ending, PlantSide, do_ticks, warm_up_control, warm_up_plant
-from hilrig.recording.recorder import Recorder
+from hilrig.messages.codec import Codec
+from hilrig.messages.layouts import definitions, layouts
+from hilrig.recording.recorder import TIMING, Recorder
 from hilrig.recording.run_directory import trial_directory, write_json
 from hilrig.recording.timing import summarise
-from hilrig.rig.channels import Codecs, Stamps, channels
+from hilrig.rig.channels import NAMES, Sheets
 from hilrig.rig.clock import PROGRESS, Pacer
+from hilrig.rig.halves import internals, write
 from hilrig.rig.outcome import Outcome
 from hilrig.signals import Command, Measurement, Truth
 from hilrig.trial import Trial
 
 BLOCK = 1024
 """Ticks of a compiled trial between two looks at the clock and for Ctrl-C"""
+ROWS = 128
+"""Ticks that are recorded at a time where each is done by itself"""
 
 
 class DirectWire:
     """Hands the measurement to the controller by a call."""
 
     def __init__(
-        self, trial: Trial, control: ControlSide, recorder: Recorder, codecs: Codecs,
+        self, trial: Trial, control: ControlSide, recorder: Recorder, codecs: Mapping[str, Codec],
         report: Callable[[int], None], stop: Callable[[], bool],
     ) -> None:  # fmt: skip
-        self._control, self._recorder, self._codecs = control, recorder, codecs
+        self._trial, self._control, self._recorder = trial, control, recorder
         self._report, self._stop = report, stop
         self._pacer = Pacer(trial.period, trial.clock == "realtime")
-        self._commands: dict[int, Command] = {}
-        self._driver_stamps, self._controller_stamps = (
-            Stamps("DriverTiming", 5),
-            Stamps("ControllerTiming", 4),
-        )
-        self._moments = (0, 0)
+        self._commands: dict[int, tuple[Command, int]] = {}
+        self._acting: tuple[Command | None, int] = (None, 0)
+        self._sheets = Sheets(codecs, NAMES, ROWS)
+        self._row = 0
+        self._due = self._woke = self._published = self._applied = 0
+        self._acting_tick = -1
         self._next_report = 0
         self.last_answer: Answer
         self.loop_s = 0.0
         """s spent in blocks of ticks, without recording them"""
-        self.sent: dict[str, int] = dict.fromkeys(recorder.summary(), 0)
+        self._in_blocks: dict[str, int] = dict.fromkeys(NAMES, 0)
 
     def wait(self, tick: int) -> None:
         """Wait for the tick's due time. Raises Stopped when told to."""
-        due = self._pacer.wait(tick)
-        woke = time.monotonic_ns()
-        self._moments = (due, woke)
-        if woke > self._next_report:
-            self._next_report = woke + PROGRESS
+        self._due = self._pacer.wait(tick)
+        self._woke = time.monotonic_ns()
+        if self._woke > self._next_report:
+            self._next_report = self._woke + PROGRESS
             self._report(tick)
             if self._stop():
                 raise Stopped("interrupted")
 
     def publish(self, tick: int, measurement: Measurement, truth: Truth | None) -> None:
         """Let the controller answer, and record."""
-        received = time.monotonic_ns()
-        self._store("state", self._codecs.state(tick, measurement))
+        self._published = time.monotonic_ns()
+        self._write("state", tick, measurement)
         if truth is not None:
-            self._store("truth", self._codecs.truth(tick, truth))
+            self._write("truth", tick, truth)
         self.last_answer = answer = self._control.control(tick, measurement)
         computed = time.monotonic_ns()
-        self._store("command", self._codecs.command(tick, answer))
-        self._store("internals", self._codecs.internals(tick, answer))
-        self._commands[tick] = answer.command
-        batch = self._controller_stamps.note(tick, tick, received, computed, time.monotonic_ns())
-        self._store("controller_timing", batch)
-        self._moments = (*self._moments[:2], received)
+        self._commands[tick] = (answer.command, computed)
+        self._write("command", tick, answer.command)
+        self._write("internals", tick, internals(answer))
+        self._write("controller_timing", tick, (self._published, self._published, computed, computed, 0))
+        if self._trial.clock == "realtime":
+            self._note(tick)
 
     def command(self, tick: int, wanted: int) -> Command | None:
-        """Return the command of tick `wanted`: in one process it is never late."""
-        batch = self._driver_stamps.note(tick, *self._moments, time.monotonic_ns(), 0)
-        self._store("driver_timing", batch)
-        return self._commands.pop(wanted, None)
+        """Return the command of tick `wanted`: in one process it is never older."""
+        if wanted in self._commands:
+            self._acting_tick, self._acting = wanted, self._commands.pop(wanted)
+        self._applied = time.monotonic_ns()
+        if self._trial.clock == "lockstep":
+            self._note(tick)
+        return self._acting[0]
 
-    def forget_times(self) -> None:
-        """Drop the times noted so far."""
-        self._driver_stamps.flush()
-        self._controller_stamps.flush()
+    def _note(self, tick: int) -> None:
+        """Note when things happened at this tick; record when the sheets are full."""
+        moments = (self._due, self._woke, self._published, self._acting_tick, self._acting[1], self._applied, 0)
+        self._write("driver_timing", tick, moments)
+        self._row += 1
+        if self._row == ROWS:
+            self.record()
+
+    def _write(self, name: str, tick: int, values: tuple[Any, ...]) -> None:
+        write(self._sheets.sheets[name], self._row, tick, self._trial, values)
+        self._sheets.written[name] = self._row + 1
+
+    def record(self, stamps: bool = True) -> None:
+        """Record what is on the sheets, with the time stamps or without."""
+        for name, payloads in self._sheets.hand_over():
+            if stamps or name not in TIMING:
+                self._recorder.store(name, payloads.copy())
+            else:
+                self._sheets.counts[name] = 0
+        self._recorder.write()
+        self._row = 0
 
     def publish_block(self, block: Block) -> None:
         """Record a block of ticks."""
-        for name, ticks, payloads in self._codecs.rows(block):
-            self._recorder.store_rows(name, payloads, ticks)
-            self.sent[name] += ticks.size
-        self._recorder.end_block()
+        for name, payloads in block.messages():
+            self._recorder.store(name, payloads)
+            self._in_blocks[name] += payloads.shape[0]
+        self._recorder.write()
 
     def end(self) -> None:
         """Record what is left."""
-        self._store("driver_timing", self._driver_stamps.flush())
-        self._store("controller_timing", self._controller_stamps.flush())
-        for name, count in self.sent.items():
-            self._recorder.sent(name, count)
-
-    def _store(self, name: str, payload: bytes | None) -> None:
-        if payload is not None:
-            self._recorder.store(name, payload)
-            self.sent[name] += 1
+        self.record()
+        for name, count in self._sheets.counts.items():
+            self._recorder.sent(name, count + self._in_blocks[name])
 
 
 def run_in_process(
@@ -115,9 +133,10 @@ def run_in_process(
     memory = warm_up_control(trial)
     if trial.clock == "lockstep":
         warm_up(trial)
-    codecs, plant, control = Codecs(trial, memory), PlantSide(trial), ControlSide(trial)
+    codecs = layouts(trial.driver.robot.joints, len(trial.axes), memory)
+    plant, control = PlantSide(trial), ControlSide(trial)
     began = time.monotonic()
-    with Recorder(directory, trial.period, channels(memory)) as recorder:
+    with Recorder(directory, trial.period, definitions(memory)) as recorder:
         wire = DirectWire(trial, control, recorder, codecs, report, stop)
         try:
             ending = _ticks(plant, control, wire)
@@ -125,7 +144,7 @@ def run_in_process(
             plant.close()
             wire.end()
         summary = recorder.summary()
-        timing = summarise(trial.clock, recorder.timing)
+        timing = summarise(trial.clock, recorder.timing())
         write_json(directory / "timing.json", {**timing, "loop_s": round(wire.loop_s, 4)})
     return Outcome.of(trial, *ending, time.monotonic() - began, summary)
 
@@ -149,7 +168,7 @@ def _blocks(compiled: CompiledTrial, wire: DirectWire) -> Ending:
     While a block is computed, a thread records the one before it; unless the law is in Python, which would have to wait
     for that thread at every turn.
     """
-    wire.forget_times()
+    wire.record(stamps=False)
     ending, recorded = None, None
     with ThreadPoolExecutor(1) as thread:
         while ending is None:

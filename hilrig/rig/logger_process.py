@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from hilrig.errors import Stopped
+from hilrig.messages.layouts import definitions
 from hilrig.recording.recorder import Recorder
 from hilrig.recording.run_directory import trial_path, write_json
 from hilrig.recording.timing import summarise
 from hilrig.rig.bus import Inbox
-from hilrig.rig.channels import NAMES, channels, unpack_parcel
+from hilrig.rig.channels import NAMES, unpack_parcel
 from hilrig.rig.child import Child, main
 
 
@@ -16,12 +17,12 @@ def work(child: Child) -> None:
     parcels = child.bus.inbox("record")
     order = child.ready(("driver", "controller"))
     directory = trial_path(child.run, child.orders.trial)
-    with Recorder(directory, order["period"], channels(order["memory"])) as recorder:
+    with Recorder(directory, order["period"], definitions(order["memory"])) as recorder:
         try:
             record(parcels, recorder)
         except Stopped:
             record_rest(parcels, recorder)
-        write_json(directory / "timing.json", summarise(order["clock"], recorder.timing))
+        write_json(directory / "timing.json", summarise(order["clock"], recorder.timing()))
         summary = recorder.summary()
     child.tell("done", channels=summary)
 
@@ -42,12 +43,13 @@ def record_rest(parcels: Inbox, recorder: Recorder) -> None:
 def store(recorder: Recorder, parcel: bytes) -> set[str]:
     """Record one parcel; return the channels that end in it."""
     ended: set[str] = set()
-    for name, payload, count in unpack_parcel(parcel):
+    for name, payloads, count in unpack_parcel(parcel):
         if count is None:
-            recorder.store(name, payload)
+            recorder.store(name, payloads)
         else:
             recorder.sent(name, count)
             ended.add(name)
+    recorder.write()
     return ended
 
 

@@ -115,23 +115,24 @@ def compared(subject: Trial, block: int = 37) -> tuple[Ending, Ending]:
         ending = fast.do(block)
         track = fast.recent.track
         assert fast.recent.first == tick
-        for row in range(track.done[0]):
-            for got, wanted in zip(track.state, slow[1].measured[tick + row], strict=True):
+        for row in range(fast.recent.written("state")):
+            at = (np.uint64(tick + row), np.float64((tick + row) * subject.period))
+            for got, wanted in zip(track.plant.state, (*at, *slow[1].measured[tick + row]), strict=True):
                 same(got[row], wanted)
-            truth = slow[1].truths[tick + row]
-            for got, wanted in zip((*track.truth[:5], track.surface), truth, strict=True):
+            for got, wanted in zip(track.plant.truth, (*at, *slow[1].truths[tick + row]), strict=True):
                 same(got[row], np.asarray(wanted))
-        for row in range(track.done[1]):
+        for row in range(fast.recent.written("command")):
+            at = (np.uint64(tick + row), np.float64((tick + row) * subject.period))
             answer = slow[1].answers[tick + row]
-            same(track.command.torque[row], answer.command.torque)
-            same(track.command.position[row], answer.command.position)
-            for name in ("position", "velocity", "force"):
-                same(getattr(track, name)[row], getattr(answer.state, name))
-            for got, wanted in zip(track.reference, answer.reference, strict=True):
+            own = (*at, *(getattr(answer.state, name) for name in ("position", "velocity", "force")))
+            for got, wanted in zip(track.control.command, (*at, *answer.command), strict=True):
                 same(got[row], wanted)
-        tick += int(track.done[1])
+            for got, wanted in zip(track.control.internals[:-1], (*own, *answer.reference), strict=True):
+                same(got[row], wanted)
+        tick += fast.recent.written("command")
     if ending.outcome == "completed":
-        same(np.concatenate([np.zeros(0), *(part.ravel() for part in slow[1].control.law.memory)]), track.memory[-1])
+        internals = fast.recent.track.control.internals.memory[: fast.recent.written("internals")]
+        same(np.concatenate([np.zeros(0), *(part.ravel() for part in slow[1].control.law.memory)]), internals[-1])
         assert tick == subject.ticks
     return ending, expected
 
@@ -207,7 +208,7 @@ def test_what_was_done_before_a_fault_is_there() -> None:
     fast = CompiledTrial(plant, wire.control, wire.answers[0])
     with pytest.raises(PluginError, match=r"step returned an array \(1,\); the robot takes torques \(2,\)"):
         fast.do(200)
-    assert fast.recent.track.done.tolist() == [59, 58]
+    assert (fast.recent.written("state"), fast.recent.written("internals")) == (59, 58)
 
 
 def test_a_physics_engine_is_not_compiled() -> None:

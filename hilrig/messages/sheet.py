@@ -1,0 +1,52 @@
+"""Many messages of one kind as a table: written in place by field, sent by row, recorded as a whole.
+
+A message that lies ready costs the loop neither a list of its numbers nor a call of `struct`; kernels write into it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hilrig.messages.codec import CDR_HEADER, Codec
+
+WORD = 8
+"""Bytes. Every field of a message begins at a whole number of words behind the header."""
+_PAD = WORD - len(CDR_HEADER)
+"""Bytes before each row in memory, so that its fields are aligned"""
+
+
+class Sheet:
+    """Room for `rows` messages; headers and the lengths of sequences are written, all values are zero."""
+
+    def __init__(self, codec: Codec, rows: int) -> None:
+        self._codec = codec
+        memory = np.zeros((rows, -(-(_PAD + codec.size) // WORD)), np.uint64)
+        self.payloads: NDArray[np.uint8] = memory.view(np.uint8)[:, _PAD : _PAD + codec.size]
+        """The messages, (rows, bytes)"""
+        self.payloads[:] = np.frombuffer(codec.zero(), np.uint8)
+        self.fields = codec.views(memory, 1)
+        """One array for each field of the definition, in its order: (rows,) or (rows, length)"""
+        self._memory = memory
+        self._bytes = memory.reshape(-1).view(np.uint8).data
+        self._stride = memory.shape[1] * WORD
+
+    def words(self, first: int) -> NDArray[np.float64]:
+        """Return all that stands from the field with index `first` on as one array (rows, words), if fields lie so."""
+        return self._memory.view(np.float64)[:, self._codec.word_of(first) + 1 :]
+
+    def message(self, row: int) -> bytes:
+        """Return the message in a row."""
+        start = row * self._stride + _PAD
+        return bytes(self._bytes[start : start + self._codec.size])
+
+    def read(self, row: int, payload: bytes) -> None:
+        """Put a message into a row. Raises ValueError if it has another length."""
+        start = row * self._stride + _PAD
+        self._bytes[start : start + self._codec.size] = payload
+
+    def write(self, row: int, *values: Any) -> None:
+        """Write a message of numbers into a row; raises struct.error if the definition has arrays."""
+        self._codec.pack_into(self._bytes, row * self._stride + _PAD, values)

@@ -1,0 +1,34 @@
+"""Sends what the loop has recorded, from a thread of its own: in real time the loop waits for nobody."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from queue import SimpleQueue
+from threading import Thread
+
+MOST = 1000
+"""Parcels that may wait, half a minute of them; the logger then misses those that come, and the trial says so"""
+
+
+class Courier:
+    """Hands messages to `put`, in order, and never makes the one who sends wait."""
+
+    def __init__(self, put: Callable[[bytes], None]) -> None:
+        self._put = put
+        self._queue: SimpleQueue[bytes | None] = SimpleQueue()
+        self._thread = Thread(target=self._carry, name="courier", daemon=True)
+        self._thread.start()
+
+    def send(self, message: bytes) -> None:
+        """Send a message soon, or drop it if too many wait already."""
+        if self._queue.qsize() < MOST:
+            self._queue.put(message)
+
+    def _carry(self) -> None:
+        while (message := self._queue.get()) is not None:
+            self._put(message)
+
+    def finish(self) -> None:
+        """Wait until all has been sent."""
+        self._queue.put(None)
+        self._thread.join()
