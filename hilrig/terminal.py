@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -45,6 +46,9 @@ class Display:
             disable=not errors.is_terminal,
         )  # fmt: skip
         self._tasks: dict[str, Any] = {}
+
+    def opened(self, run: Path) -> None:
+        """There is nothing to show yet."""
 
     def started(self, trial: Trial) -> None:
         """Show a trial's bar."""

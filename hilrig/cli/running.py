@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from hilrig.errors import Problem
     from hilrig.experiment import Experiment
     from hilrig.plan.margins import Margins
+    from hilrig.terminal import Display
     from hilrig.trial import Trial
+    from hilrig.watch.beside import WatchedRun
 
 
 @app.command()
@@ -94,6 +96,7 @@ def run(
         bool,
         typer.Option("--fail-fast", help="Begin no further trial after one that did not complete, unless expected so."),
     ] = False,
+    watch: Annotated[bool, typer.Option("--watch", help="Show the trials as `hilrig watch` does.")] = False,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Make the report at the end.")] = True,
     junit: Junit = None,
 ) -> None:
@@ -113,14 +116,16 @@ def run(
     if jobs > 1 and loaded.clock == "realtime":
         raise ExperimentError("--jobs: trials in real time run one at a time, or they would disturb each other's clock")
 
+    if watch and in_process:
+        raise ExperimentError("--watch: with --in-process there is no bus to watch; leave out one of the two")
+
     make_room(junit)
     echo_warnings(judged(loaded, trials)[1])
 
     from hilrig.rig.execution import Options, execute
-    from hilrig.terminal import Display
 
     options = Options(out, ["hilrig", *sys.argv[1:]], overrides, in_process, jobs, fail_fast, interruptible())
-    with Display(len(trials)) as display:
+    with listener(len(trials), watch) as display:
         directory, outcomes = execute(loaded, trials, experiment, options, display)
     ended_well = tell_run(directory, loaded, trials, outcomes)
     drawn = report and any(outcome.completed for outcome in outcomes)
@@ -129,6 +134,17 @@ def run(
         raise typer.Exit(130)
     if not ended_well or not met:
         raise typer.Exit(1)
+
+
+def listener(trials: int, watch: bool) -> Display | WatchedRun:
+    """Return who shows how the trials go on: bars, or a watcher."""
+    if watch:
+        from hilrig.watch.beside import WatchedRun
+
+        return WatchedRun()
+    from hilrig.terminal import Display
+
+    return Display(trials)
 
 
 def interruptible() -> threading.Event:

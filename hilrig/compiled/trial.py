@@ -27,7 +27,8 @@ from hilrig.errors import Tripped
 from hilrig.interfaces import Law
 from hilrig.kernel import can_be_composed, composed, filled
 from hilrig.kernel_interfaces import PlantKernels, RobotKernels
-from hilrig.loop import Answer, ControlSide, Ending, PlantSide, checked, memory_sizes, not_finite
+from hilrig.law_memory import memory_sizes
+from hilrig.loop import Answer, ControlSide, Ending, PlantSide, checked, not_finite
 from hilrig.messages.layouts import layouts
 from hilrig.messages.sheet import Sheet
 from hilrig.safety import Monitor

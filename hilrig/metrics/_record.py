@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hilrig.signals import Array
+from hilrig.impedance import auxiliary_error
+from hilrig.interfaces import Impedance
+from hilrig.signals import Array, Reference
 
 
 @dataclass(frozen=True)
@@ -69,16 +71,12 @@ class PhaseRecord:
         return {axis: error[:, i] for i, axis in enumerate(self.axes) if self.sigma[i] == 0}
 
     def auxiliary_error(self) -> Array:
-        """Return e_aux of eq. (25), what is missing from the desired dynamics (3), (N, m) N.
-
-        e_aux = M_d (x'' - Σ x_d'') + B_d (x' - Σ x_d') + K_d Σ (x - x_d) - (I - Σ) F_d + F_e, where x' is the
-        full velocity: a force-controlled axis is damped, as in (4).
-        """
-        sigma = self.sigma
-        inertial = self.inertia * (self.acceleration - sigma * self.reference_acceleration)
-        damped = self.damping * (self.velocity - sigma * self.reference_velocity)
-        elastic = self.stiffness * sigma * (self.position - self.reference_position)
-        return inertial + damped + elastic - (1 - sigma) * self.reference_force + self.force
+        """Return e_aux of eq. (25), what is missing from the desired dynamics (3), (N, m) N."""
+        impedance = Impedance(self.sigma, self.inertia, self.damping, self.stiffness, reference_states=False)
+        reference = Reference(
+            self.reference_position, self.reference_velocity, self.reference_acceleration, self.reference_force
+        )
+        return auxiliary_error(impedance, self.position, self.velocity, self.acceleration, self.force, reference)
 
 
 def rms(values: Array) -> float:

@@ -132,10 +132,15 @@ def list_runs(out: Path) -> list[Path]:
 
 def read_trial(run: Path, trial: str) -> Trial:
     """Return one trial of the plan. Raises RunDirectoryError if it has no such trial."""
+    return Trial.from_document(read_trial_document(run, trial))
+
+
+def read_trial_document(run: Path, trial: str) -> Mapping[str, Any]:
+    """Return what the plan says of one trial. Raises RunDirectoryError if it has no such trial."""
     documents: Sequence[Mapping[str, Any]] = read_plan(run)["trials"]
     for document in documents:
         if document["id"] == trial:
-            return Trial.from_document(document)
+            return document
     raise RunDirectoryError(f"{run}: its plan has no trial '{trial}'")
 
 

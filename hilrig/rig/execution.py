@@ -22,6 +22,7 @@ from hilrig.plan.margins import margins
 from hilrig.recording.manifest import provenance
 from hilrig.recording.run_directory import create_run, trial_directory, write_json
 from hilrig.rig.in_process import run_in_process
+from hilrig.rig.live import IN_PROCESS, ON_BUS, Live
 from hilrig.rig.outcome import Outcome
 from hilrig.rig.supervisor import run_on_bus
 from hilrig.rig.worker import Worker
@@ -30,6 +31,10 @@ from hilrig.trial import Trial
 
 class Listener(Protocol):
     """Who is told how the trials go on. Called from several threads when there are several jobs."""
+
+    def opened(self, run: Path) -> None:
+        """The run directory has been made; no trial is begun yet."""
+        ...
 
     def started(self, trial: Trial) -> None:
         """A trial's processes are being started."""
@@ -74,7 +79,9 @@ def execute(
     manifest = _manifest(experiment, source, options)
     write_json(run / "manifest.json", manifest)
     began = time.monotonic()
-    outcomes = _Work(run, options, listener, plan["experiment"]["expect"]).through(trials)
+    with Live(run, manifest["transport"]) as live:
+        listener.opened(run)
+        outcomes = _Work(run, options, listener, plan["experiment"]["expect"], live).through(trials)
     finished = datetime.now(UTC).isoformat(timespec="seconds")
     write_json(
         run / "manifest.json",
@@ -91,7 +98,7 @@ def _manifest(experiment: Experiment, source: Path, options: Options) -> dict[st
         "overrides": list(options.overrides),
         "seed": experiment.seed,
         "clock": experiment.clock,
-        "transport": "in-process" if options.in_process else "zenoh",
+        "transport": IN_PROCESS if options.in_process else ON_BUS,
         "jobs": options.jobs,
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "finished": None,
@@ -103,8 +110,11 @@ def _manifest(experiment: Experiment, source: Path, options: Options) -> dict[st
 class _Work:
     """The trials being run: `jobs` at a time, each with a slot of its own, which says on which cores."""
 
-    def __init__(self, run: Path, options: Options, listener: Listener, expect: Sequence[Mapping[str, Any]]) -> None:
+    def __init__(
+        self, run: Path, options: Options, listener: Listener, expect: Sequence[Mapping[str, Any]], live: Live
+    ) -> None:
         self._run, self._options, self._listener, self._expect = run, options, listener, expect
+        self._live = live
         self._failed = threading.Event()
         self._slots: queue.SimpleQueue[int] = queue.SimpleQueue()
         for slot in range(options.jobs):
@@ -149,7 +159,7 @@ class _Work:
         report = partial(self._listener.progressed, trial)
         try:
             if not self._options.in_process:
-                return run_on_bus(self._run, trial, report, self._options.stop.is_set, slot)
+                return run_on_bus(self._run, trial, report, self._options.stop.is_set, slot, self._live)
             if self._workers:
                 return self._workers[slot].do(trial, report, self._options.stop.is_set)
             return run_in_process(self._run, trial, report, self._options.stop.is_set)

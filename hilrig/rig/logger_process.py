@@ -2,54 +2,63 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hilrig.errors import Stopped
 from hilrig.messages.layouts import definitions
 from hilrig.recording.recorder import Recorder
-from hilrig.recording.run_directory import trial_path, write_json
+from hilrig.recording.run_directory import read_trial_document, trial_path, write_json
 from hilrig.recording.timing import summarise
 from hilrig.rig.bus import Inbox
 from hilrig.rig.channels import NAMES, unpack_parcel
 from hilrig.rig.child import Child, main
+from hilrig.rig.view_maker import Views
 
 
 def work(child: Child) -> None:
     """Record until every sender has said that it sent its last message, or until stopped."""
     parcels = child.bus.inbox("record")
+    views = Views(child.bus, read_trial_document(child.run, child.orders.trial))
     order = child.ready(("driver", "controller"))
     directory = trial_path(child.run, child.orders.trial)
     with Recorder(directory, order["period"], definitions(order["memory"])) as recorder:
         try:
-            record(parcels, recorder)
+            record(parcels, recorder, views)
         except Stopped:
-            record_rest(parcels, recorder)
+            record_rest(parcels, recorder, views)
+        views.end()
         write_json(directory / "timing.json", summarise(order["clock"], recorder.timing()))
         summary = recorder.summary()
     child.tell("done", channels=summary)
 
 
-def record(parcels: Inbox, recorder: Recorder) -> None:
+def record(parcels: Inbox, recorder: Recorder, views: Views) -> None:
     """Record until all channels have ended."""
     still_open = set(NAMES)
     while still_open:
-        still_open -= store(recorder, parcels.take())
+        still_open -= store(recorder, views, parcels.take())
 
 
-def record_rest(parcels: Inbox, recorder: Recorder) -> None:
+def record_rest(parcels: Inbox, recorder: Recorder, views: Views) -> None:
     """Record what has already arrived."""
     while (parcel := parcels.poll()) is not None:
-        store(recorder, parcel)
+        store(recorder, views, parcel)
 
 
-def store(recorder: Recorder, parcel: bytes) -> set[str]:
+def store(recorder: Recorder, views: Views, parcel: bytes) -> set[str]:
     """Record one parcel; return the channels that end in it."""
     ended: set[str] = set()
+    fresh: dict[str, NDArray[np.uint8]] = {}
     for name, payloads, count in unpack_parcel(parcel):
         if count is None:
             recorder.store(name, payloads)
+            fresh[name] = payloads
         else:
             recorder.sent(name, count)
             ended.add(name)
     recorder.write()
+    views.note(fresh)
     return ended
 
 

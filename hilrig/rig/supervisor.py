@@ -19,6 +19,7 @@ from hilrig.rig.bus import Bus
 from hilrig.rig.child import Orders
 from hilrig.rig.cores import cores_for
 from hilrig.rig.launching import how_it_ended, launch
+from hilrig.rig.live import Live
 from hilrig.rig.outcome import Outcome
 from hilrig.trial import Trial
 
@@ -45,19 +46,24 @@ def run_on_bus(
     report: Callable[[int], None] = lambda tick: None,
     stop: Callable[[], bool] = lambda: False,
     slot: int = 0,
+    live: Live | None = None,
 ) -> Outcome:
-    """Run one trial in three fresh processes over the bus; `slot` says which cores they are given."""
-    with Rig(run, trial, slot) as rig:
+    """Run one trial in three fresh processes over the bus; `slot` says which cores they are given.
+
+    `live` is told where the trial can be watched.
+    """
+    with Rig(run, trial, slot, live) as rig:
         return Watch(rig, report, stop).until_the_end()
 
 
 class Rig:
     """The three processes of one trial and the supervisor's place on their bus."""
 
-    def __init__(self, run: Path, trial: Trial, slot: int) -> None:
+    def __init__(self, run: Path, trial: Trial, slot: int, live: Live | None) -> None:
         self.run, self.trial = run, trial
         self.directory = trial_directory(run, trial.id)
         self._cores = cores_for(slot)
+        self._live = live
         self.children: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Rig:
@@ -70,9 +76,11 @@ class Rig:
             for role, listens, connects in (
                 ("driver", ["driver"], ["supervisor"]),
                 ("controller", ["controller"], ["supervisor", "driver"]),
-                ("logger", [], ["supervisor", "driver", "controller"]),
+                ("logger", ["logger"], ["supervisor", "driver", "controller"]),
             ):
                 self.children[role] = self._start(role, listens, connects)
+            if self._live:
+                self._live.begin(self.trial.id, self._endpoint("logger"), self._cores["logger"])
         except BaseException:
             self._clean_up()
             raise
@@ -113,6 +121,8 @@ class Rig:
         self._clean_up()
 
     def _clean_up(self) -> None:
+        if self._live:
+            self._live.end(self.trial.id)
         for process in self.children.values():
             if process.poll() is None:
                 process.kill()

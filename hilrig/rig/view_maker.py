@@ -1,0 +1,175 @@
+"""Makes the live view of a trial: what the logger tells whoever watches, from the payloads it is handed anyway.
+
+Driver and controller know nothing of it. A watcher asks, again and again; the logger sends views for one second after
+it was asked. So one that stands still (Ctrl-Z, a closed lid) leaves no more unread than its socket's buffer takes. More
+than that would hold up the logger, at a send or when it leaves the bus, and in the end the loop.
+"""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections import defaultdict
+from collections.abc import Mapping
+from functools import reduce
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hilrig.impedance import auxiliary_error
+from hilrig.messages.codec import Codec, definition, sizes_in
+from hilrig.rig.bus import Bus
+from hilrig.rig.view import ASKING, CHANNEL, GRANT, INTERVAL, view_codec
+from hilrig.signals import WRENCH_AXES, Reference
+from hilrig.trial import TaskSpec, make_impedance
+
+LEAST = 2
+"""Ticks that a view takes: the acceleration is a difference"""
+
+Columns = dict[str, np.ndarray]
+Messages = NDArray[np.uint8]
+"""(N, bytes)"""
+
+
+def late_ticks(timing: Mapping[str, np.ndarray], delay: int, period: float) -> int:
+    """Return how many ticks of the driver's timing (fields of DriverTiming, (N,)) were late in real time.
+
+    Late is a tick whose command was older than tick - `delay`, or was applied a `period` (s) or more after it was due.
+    """
+    wanted = np.maximum(timing["tick"].astype(np.int64) - delay, -1)
+    overran = timing["applied"] - timing["due"] >= round(period * 1e9)
+    return int(np.count_nonzero((timing["command"] < wanted) | overran))
+
+
+class ViewMaker:
+    """Makes views of one trial; keeps payloads from one view to the next, no longer."""
+
+    def __init__(self, trial: Mapping[str, Any]) -> None:
+        """`trial` is the trial's document in plan.json."""
+        self._axes = tuple(trial["axes"])
+        self._period, self._delay = trial["period"], trial["actuation_delay"]
+        self._realtime = trial["clock"] == "realtime"
+        self._impedance = make_impedance(TaskSpec.from_document(trial["task"]), self._axes)
+        self._codec = view_codec(len(self._axes))
+        self._codecs: dict[str, Codec] = {}
+        self._kept: dict[str, list[Messages]] = defaultdict(list)
+        self._simulated: bool | None = None
+        self._began: float | None = None
+        self._late, self._timed, self._lateness = 0, 0, 0.0
+
+    def note(self, channel: str, payloads: Messages) -> None:
+        """Take in the newest messages of a channel."""
+        self._began = self._began or time.monotonic()
+        if channel == "driver_timing":
+            self._note_timing(payloads)
+        elif channel in ("truth", "internals"):
+            self._kept[channel].append(payloads)
+            self._simulated = channel == "truth" or self._simulated
+        elif channel == "state":
+            # A simulated plant's truth comes in one parcel with its state.
+            self._simulated = self._simulated or False
+
+    def _note_timing(self, payloads: Messages) -> None:
+        timing = Codec(definition("DriverTiming"), {}).table(payloads)
+        self._timed += timing["tick"].size
+        if self._realtime:
+            self._late += late_ticks(timing, self._delay, self._period)
+            self._lateness = max(self._lateness, float((timing["woke"] - timing["due"]).max()) / 1e9)
+
+    def skip(self) -> None:
+        """Let go of what a view would be made of: nobody watches."""
+        self._kept.clear()
+        self._lateness = 0.0
+
+    def view(self) -> bytes | None:
+        """Return a view of what was noted since the last one; None if there are fewer than two whole ticks."""
+        if self._simulated is None:
+            return None
+        names = ("internals", "truth") if self._simulated else ("internals",)
+        columns = {name: self._columns(name) for name in names if self._kept[name]}
+        if len(columns) < len(names):
+            return None
+        ticks = reduce(np.intersect1d, [table["tick"] for table in columns.values()])
+        if ticks.size < LEAST:
+            return None
+        picked = {name: _pick(table, ticks) for name, table in columns.items()}
+        for name, table in columns.items():
+            seen = np.count_nonzero(table["tick"] <= ticks[-1])
+            self._kept[name] = [np.concatenate(self._kept[name])[seen:]]
+        return self._packed(picked["internals"], picked.get("truth"))
+
+    def _columns(self, name: str) -> Columns:
+        payloads = np.concatenate(self._kept[name])
+        if name not in self._codecs:
+            form = definition("Truth" if name == "truth" else "Internals")
+            self._codecs[name] = Codec(form, sizes_in(form, payloads[0].tobytes()))
+        # The law's memory follows behind the common part of the internals; a view does without it.
+        return self._codecs[name].table(payloads[:, : self._codecs[name].size])
+
+    def _packed(self, internals: Columns, truth: Columns | None) -> bytes:
+        source = internals if truth is None else truth
+        position, velocity, time_ = source["position"], source["velocity"], source["time"]
+        force = source["force"] if truth is None else source["wrench"][:, [WRENCH_AXES.index(a) for a in self._axes]]
+        reference = Reference(*(internals[f"reference_{name}"] for name in Reference._fields))
+        acceleration = np.gradient(velocity, time_, axis=0)
+        auxiliary = auxiliary_error(self._impedance, position, velocity, acceleration, force, reference)
+        sigma = self._impedance.sigma
+        error = np.where(sigma == 1, reference.position - position, reference.force - force)
+        largest = error[np.argmax(np.abs(error), axis=0), np.arange(sigma.size)]
+        lateness, self._lateness = self._lateness, 0.0
+        elapsed = time.monotonic() - (self._began or 0.0)
+        return self._codec.pack(
+            (
+                int(source["tick"][-1]), float(time_[-1]), elapsed, self._late, self._timed,
+                lateness, position[-1], velocity[-1], force[-1], reference.position[-1], reference.force[-1], largest,
+                np.sqrt(np.mean(auxiliary**2, axis=0)),
+            )
+        )  # fmt: skip
+
+
+def _pick(table: Columns, ticks: np.ndarray) -> Columns:
+    rows = np.searchsorted(table["tick"], ticks)
+    return {name: values[rows] for name, values in table.items()}
+
+
+class Views:
+    """Sends the views of a trial, now and then, as long as somebody asks for them."""
+
+    def __init__(self, bus: Bus, trial: Mapping[str, Any]) -> None:
+        self._outbox = bus.outbox(CHANNEL, blocking=False)
+        self._asking = bus.inbox(ASKING, latest_only=True)
+        self._maker: ViewMaker | None = ViewMaker(trial)
+        self._next, self._until = 0.0, 0.0
+
+    def note(self, fresh: Mapping[str, Messages]) -> None:
+        """Take in a parcel's messages by channel, and send a view if one is due.
+
+        A fault in a view must not cost the record: it is printed, and there are no more views.
+        """
+        if self._maker is None:
+            return
+        try:
+            for channel, payloads in fresh.items():
+                self._maker.note(channel, payloads)
+            if time.monotonic() >= self._next:
+                self._next = time.monotonic() + INTERVAL
+                self._send(self._maker)
+        except Exception:
+            traceback.print_exc()
+            print("the live view has ended, the record goes on", flush=True)
+            self._maker = None
+
+    def _send(self, maker: ViewMaker) -> None:
+        now = time.monotonic()
+        if self._asking.poll() is not None:
+            self._until = now + GRANT
+        if now > self._until:
+            maker.skip()
+        elif (payload := maker.view()) is not None:
+            self._outbox.put(payload)
+
+    def end(self) -> None:
+        """Send what is left: the end of the trial."""
+        self._next = 0.0
+        self.note({})
