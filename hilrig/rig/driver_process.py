@@ -18,6 +18,11 @@ from hilrig.rig.halves import PlantHalf, warm_up_plant
 from hilrig.trial import Trial
 
 
+UNHEARD = 100
+"""Ticks without an answer in real time, after which only every so many measurements are sent: a process that does not
+read fills its socket's buffer with some 250 of them, and then the link makes the driver wait, dropping or not"""
+
+
 class BusWire:
     """The driver's end of the bus."""
 
@@ -49,8 +54,11 @@ class BusWire:
     def publish(self, tick: int) -> None:
         """Send the state that is on its sheet."""
         row = tick % self._record.rows
-        self._put_state(self._state.message(row))
-        self._published = time.monotonic_ns()
+        if self._realtime and tick % UNHEARD and tick - self._held[0] > UNHEARD:
+            self._published = 0
+        else:
+            self._put_state(self._state.message(row))
+            self._published = time.monotonic_ns()
         self._record.written["state"] = row + 1
         if self.half.truthful:
             self._record.written["truth"] = row + 1
