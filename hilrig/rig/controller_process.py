@@ -6,8 +6,10 @@ import time
 
 from hilrig.errors import Tripped
 from hilrig.loop import ControlSide, warm_up_control
+from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.channels import CONTROLLER, PARCEL, Codecs, Record, Stamps
 from hilrig.rig.child import Child, main
+from hilrig.rig.faults import Injector
 
 
 def work(child: Child) -> None:
@@ -18,12 +20,17 @@ def work(child: Child) -> None:
     codecs, side, stamps = Codecs(trial, memory), ControlSide(trial), Stamps("ControllerTiming", 4)
     states = child.bus.inbox("state", latest_only=realtime)
     commands = child.bus.outbox("command", blocking=not realtime)
+    injector = Injector.of(trial, "controller")
+    commands = commands if injector is None else injector.outbox(commands)
     record = Record(child.bus.outbox("record", blocking=True), CONTROLLER)
     child.ready(("driver", "logger"), memory=memory)
     try:
         while payload := states.take():
             received = time.monotonic_ns()
             tick, measurement = codecs.read_state(payload)
+            if injector is not None:
+                injector.stall(tick)
+                injector.compute(tick)
             answer = side.control(tick, measurement)
             computed = time.monotonic_ns()
             command = codecs.command(tick, answer)
@@ -40,6 +47,8 @@ def work(child: Child) -> None:
         commands.end()
         record.add("controller_timing", stamps.flush())
         record.end()
+        if injector is not None:
+            injector.end(trial_directory(child.run, trial.id))
     child.tell("done")
 
 

@@ -7,9 +7,11 @@ from collections import deque
 
 from hilrig.errors import Stopped
 from hilrig.loop import PlantSide, drive, warm_up_plant
+from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.channels import DRIVER, PARCEL, Codecs, Record, Stamps
 from hilrig.rig.child import Child, main
 from hilrig.rig.clock import PROGRESS, Pacer
+from hilrig.rig.faults import Injector
 from hilrig.signals import Command, Measurement, Truth
 from hilrig.trial import Trial
 
@@ -17,12 +19,13 @@ from hilrig.trial import Trial
 class BusWire:
     """The driver's end of the bus."""
 
-    def __init__(self, child: Child, trial: Trial) -> None:
-        self._child = child
+    def __init__(self, child: Child, trial: Trial, injector: Injector | None) -> None:
+        self._child, self._injector = child, injector
         self._realtime = trial.clock == "realtime"
         self._codecs = Codecs(trial, {})
         self._pacer = Pacer(trial.period, self._realtime)
-        self._state = child.bus.outbox("state", blocking=not self._realtime)
+        state = child.bus.outbox("state", blocking=not self._realtime)
+        self._state = state if injector is None else injector.outbox(state)
         self._inbox = child.bus.inbox("command")
         self._record = Record(child.bus.outbox("record", blocking=True), DRIVER)
         self._waiting: deque[tuple[int, Command]] = deque()
@@ -41,6 +44,8 @@ class BusWire:
             if self._child.told_to_stop():
                 raise Stopped("by order")
         self._moments = (due, woke, 0)
+        if self._injector is not None:
+            self._injector.stall(tick)
 
     def publish(self, tick: int, measurement: Measurement, truth: Truth | None) -> None:
         """Send the state; keep it and the truth for the record."""
@@ -89,7 +94,8 @@ def work(child: Child) -> None:
     """Run the trial from the driver's side."""
     trial = child.read_trial()
     warm_up_plant(trial)
-    wire, side = BusWire(child, trial), PlantSide(trial)
+    injector = Injector.of(trial, "driver")
+    wire, side = BusWire(child, trial, injector), PlantSide(trial)
     try:
         child.ready(("controller", "logger"))
     except BaseException:
@@ -99,6 +105,8 @@ def work(child: Child) -> None:
         ending = drive(side, wire)
     finally:
         wire.end()
+        if injector is not None:
+            injector.end(trial_directory(child.run, trial.id))
     child.tell("done", **ending._asdict())
 
 
