@@ -143,9 +143,8 @@ def _check_faults(experiment: Experiment) -> Iterator[Finding]:
         for i, disturbance in enumerate(disturbances):
             if is_fault(disturbance) and experiment.clock != "realtime":
                 kind = plugins.name_of(type(disturbance))[1]
-                message = (
-                    f"'{kind}' is a fault of the real-time loop; it needs 'clock: realtime', not '{experiment.clock}'"
-                )
+                wanted = f"it needs the clock 'realtime', not '{experiment.clock}'"
+                message = f"'{kind}' is a fault of the real-time loop: {wanted}"
                 yield Finding(("conditions", name, i), message)
 
 
