@@ -44,8 +44,9 @@ def measure_stalls(count: int, out: Path, seed: int = 1) -> dict[str, Any]:
     """Inject `count` faults of 1 to 5 ms into driver, controller and bus, and return how they were judged.
 
     Two trials of `count` * 25 ms run over the bus in real time: one undisturbed, whose stalls are the machine's own,
-    then one with the faults. The run directory is made below `out`. Keys: those of `stall_matching.compare`, planned, run,
-    own_stalls (of the undisturbed trial) and ticks (of each trial). Raises RigError if a trial did not complete.
+    then one with the faults. The run directory is made below `out`. Keys: those of
+    `stall_matching.compare`, planned, run, own_stalls (of the undisturbed trial) and ticks (of each trial).
+    Raises RigError if a trial did not complete.
     """
     out.mkdir(parents=True, exist_ok=True)
     file = out / "stall_benchmark.yaml"
