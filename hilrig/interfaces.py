@@ -155,11 +155,16 @@ class Disturbance(Protocol):
     """Group `disturbances`."""
 
     acts_on: ClassVar[tuple[str, ...]]
-    """The fields of `Inputs` it changes"""
+    """The fields of `Inputs` it changes; those of `Inputs.faults` as "faults.<field>\""""
 
     def apply(self, inputs: Inputs, time: Array, axes: tuple[str, ...], random: np.random.Generator) -> None:
         """Add itself to `inputs` in place, for trial times `time` (N,) s. Raises ValueError if `axes` lack its axis."""
         ...
+
+
+def is_fault(disturbance: Disturbance) -> bool:
+    """Return whether it is a fault of the real-time loop, and not of the plant or of what is measured."""
+    return any(field.startswith("faults.") for field in disturbance.acts_on)
 
 
 class Robot(Protocol):

@@ -111,6 +111,37 @@ class State(NamedTuple):
     """Time since the law's last call, s: the period, or more where ticks were missed in real time"""
 
 
+class Faults(NamedTuple):
+    """What is done to the real-time loop on purpose, for every tick, (N,) each. Zero means nothing is done.
+
+    The command of tick k is the answer to the state of tick k.
+    """
+
+    driver_stall: Array
+    """How long the driver's process sleeps before it measures, s"""
+    controller_stall: Array
+    """How long the controller's process sleeps when it has received the state, s"""
+    driver_stop: Array
+    """How long the driver's process is stopped (SIGSTOP) before it measures, s"""
+    controller_stop: Array
+    """How long the controller's process is stopped when it has received the state, s"""
+    controller_busy: Array
+    """How much longer the controller computes, s"""
+    state_delay: Array
+    """How long the bus holds the state back, s"""
+    command_delay: Array
+    """How long the bus holds the command back, s"""
+    state_loss: Array
+    """1 where the bus loses the state"""
+    command_loss: Array
+    """1 where the bus loses the command"""
+
+    @classmethod
+    def none(cls, ticks: int) -> Faults:
+        """Return no faults."""
+        return cls(*(np.zeros(ticks) for _ in cls._fields))
+
+
 class Inputs(NamedTuple):
     """What disturbs a trial, for every tick. Zero, and one for scales, means undisturbed.
 
@@ -135,6 +166,8 @@ class Inputs(NamedTuple):
     """Added to the measured wrench, (N, 6)"""
     measurement_delay: Array
     """Age of the measurement handed to the controller, in ticks, (N,) whole numbers"""
+    faults: Faults
+    """What is done to the processes and the bus; a plant never sees it"""
 
     @classmethod
     def quiet(cls, ticks: int, joints: int, axes: int) -> Inputs:
@@ -142,7 +175,7 @@ class Inputs(NamedTuple):
         zeros, ones = np.zeros, np.ones
         return cls(
             zeros((ticks, axes)), zeros(ticks), zeros(ticks), ones(ticks), ones(ticks), ones(ticks),
-            zeros((ticks, joints)), zeros((ticks, 6)), zeros(ticks),
+            zeros((ticks, joints)), zeros((ticks, 6)), zeros(ticks), Faults.none(ticks),
         )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from hilrig.document import Keys
 from hilrig.errors import nearest
 from hilrig.experiment.expecting import check_expectation, complete_expectation
 from hilrig.experiment.model import Experiment, Phase
-from hilrig.interfaces import per_axis
+from hilrig.interfaces import is_fault, per_axis
 from hilrig.quantities import shown
 from hilrig.schema import ONLY_AXIS, Finding, InvalidError
 from hilrig.trial import ALL_PHASES
@@ -32,7 +32,7 @@ def completed(experiment: Experiment) -> Experiment:
     """
     findings = [
         *_check_names(experiment), *_check_task(experiment), *_check_time(experiment),
-        *_check_abilities(experiment),
+        *_check_abilities(experiment), *_check_faults(experiment),
     ]  # fmt: skip
     phases, expect = [], []
     axes_known = set(experiment.task.force_axes) <= set(experiment.driver.robot.axes)
@@ -134,6 +134,17 @@ def _check_abilities(experiment: Experiment) -> Iterator[Finding]:
                 kind = plugins.name_of(type(disturbance))[1]
                 able = ", ".join(abilities.inputs) or "none"
                 message = f"the driver cannot apply '{kind}', on {', '.join(beyond)} (it can: {able})"
+                yield Finding(("conditions", name, i), message)
+
+
+def _check_faults(experiment: Experiment) -> Iterator[Finding]:
+    """In lockstep nothing is late, and a lost message would be waited for without end."""
+    for name, disturbances in experiment.conditions.items():
+        for i, disturbance in enumerate(disturbances):
+            if is_fault(disturbance) and experiment.clock != "realtime":
+                kind = plugins.name_of(type(disturbance))[1]
+                wanted = f"it needs the clock 'realtime', not '{experiment.clock}'"
+                message = f"'{kind}' is a fault of the real-time loop: {wanted}"
                 yield Finding(("conditions", name, i), message)
 
 

@@ -6,9 +6,11 @@ import time
 
 from hilrig.errors import Tripped
 from hilrig.messages.layouts import layouts
+from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.bus import Inbox, Outbox
 from hilrig.rig.channels import CONTROLLER, Record
 from hilrig.rig.child import Child, main
+from hilrig.rig.faults import Injector
 from hilrig.rig.halves import ControlHalf, warm_up_control
 
 
@@ -20,22 +22,28 @@ def work(child: Child) -> None:
     realtime = trial.clock == "realtime"
     states = child.bus.inbox("state", latest_only=realtime)
     commands = child.bus.outbox("command", blocking=not realtime)
+    injector = Injector.of(trial, "controller")
+    if injector is not None:
+        commands = injector.outbox(commands)
     record = Record(child.record(), codecs, CONTROLLER)
     half = ControlHalf(trial, codecs, record.sheets, record.rows)
     child.ready(("driver", "logger"), memory=memory)
     try:
-        answer_all(child, trial.period, half, record, states, commands)
+        answer_all(child, trial.period, half, record, states, commands, injector)
     except Tripped as trip:
         child.tell("tripped", reason=str(trip))
     finally:
         commands.end()
         record.end()
         child.finish_record()
+        if injector is not None:
+            injector.end(trial_directory(child.run, trial.id))
     child.tell("done")
 
 
 def answer_all(
-    child: Child, period: float, half: ControlHalf, record: Record, states: Inbox, commands: Outbox
+    child: Child, period: float, half: ControlHalf, record: Record, states: Inbox, commands: Outbox,
+    injector: Injector | None,
 ) -> None:  # fmt: skip
     """Answer until the last measurement. Raises Tripped."""
     now, put, message = time.monotonic_ns, commands.put, record.sheets["command"].message
@@ -46,11 +54,14 @@ def answer_all(
         if not state:
             return
         received = now()
+        tick = int.from_bytes(state[4:12], "little")
+        if injector is not None:
+            injector.stall(tick)
+            injector.compute(tick)
         row = half.answer(state)
         computed = now()
         put(message(row))
         published = now()
-        tick = int.from_bytes(state[4:12], "little")
         note(row, tick, tick * period, waiting, received, computed, published, child.continued)
         record.wrote(row)
         if row == last:

@@ -10,13 +10,14 @@ from hilrig.errors import Stopped
 from hilrig.loop import drive
 from hilrig.messages.codec import Codec
 from hilrig.messages.layouts import layouts
+from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.arrivals import Arrivals, Waiting
 from hilrig.rig.channels import DRIVER, Record
 from hilrig.rig.child import Child, main
 from hilrig.rig.clock import PROGRESS, Pacer
+from hilrig.rig.faults import Injector
 from hilrig.rig.halves import PlantHalf, warm_up_plant
 from hilrig.trial import Trial
-
 
 UNHEARD = 100
 """Ticks without an answer in real time, after which only every so many measurements are sent: a process that does not
@@ -26,11 +27,14 @@ read fills its socket's buffer with some 250 of them, and then the link makes th
 class BusWire:
     """The driver's end of the bus."""
 
-    def __init__(self, child: Child, trial: Trial, codecs: Mapping[str, Codec]) -> None:
-        self._child, self._trial = child, trial
+    def __init__(
+        self, child: Child, trial: Trial, codecs: Mapping[str, Codec], injector: Injector | None
+    ) -> None:  # fmt: skip
+        self._child, self._trial, self._injector = child, trial, injector
         self._realtime = trial.clock == "realtime"
         self._pacer = Pacer(trial.period, self._realtime)
-        self._put_state = child.bus.outbox("state", blocking=not self._realtime).put
+        outbox = child.bus.outbox("state", blocking=not self._realtime)
+        self._outbox = outbox if injector is None else injector.outbox(outbox)
         inbox = child.bus.inbox("command")
         self._commands = Arrivals(inbox) if self._realtime else Waiting(inbox)
         self._record = Record(child.record(), codecs, DRIVER)
@@ -50,6 +54,8 @@ class BusWire:
             self._child.tell("progress", tick=tick)
             if self._child.told_to_stop():
                 raise Stopped("by order")
+        if self._injector is not None:
+            self._injector.stall(tick)
 
     def publish(self, tick: int) -> None:
         """Send the state that is on its sheet."""
@@ -57,7 +63,7 @@ class BusWire:
         if self._realtime and tick % UNHEARD and tick - self._held[0] > UNHEARD:
             self._published = 0
         else:
-            self._put_state(self._state.message(row))
+            self._outbox.put(self._state.message(row))
             self._published = time.monotonic_ns()
         self._record.written["state"] = row + 1
         if self.half.truthful:
@@ -101,7 +107,7 @@ class BusWire:
 
     def end(self) -> None:
         """Send what is left and say that this was all."""
-        self._put_state(b"")
+        self._outbox.end()
         self._record.end()
         self._child.finish_record()
 
@@ -111,7 +117,8 @@ def work(child: Child) -> None:
     trial = child.read_trial()
     codecs = layouts(trial.driver.robot.joints, len(trial.axes), {})
     warm_up_plant(trial, codecs)
-    wire = BusWire(child, trial, codecs)
+    injector = Injector.of(trial, "driver")
+    wire = BusWire(child, trial, codecs, injector)
     try:
         child.ready(("controller", "logger"))
     except BaseException:
@@ -121,6 +128,8 @@ def work(child: Child) -> None:
         ending = drive(wire.half, wire)
     finally:
         wire.end()
+        if injector is not None:
+            injector.end(trial_directory(child.run, trial.id))
     child.tell("done", **ending._asdict())
 
 

@@ -15,10 +15,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from hilrig.errors import describe
+from hilrig.errors import ExperimentError, describe
 from hilrig.experiment import Experiment
 from hilrig.experiment.expecting import ends_as_expected
+from hilrig.interfaces import is_fault
 from hilrig.plan.margins import margins
+from hilrig.plugins import name_of
 from hilrig.recording.manifest import provenance
 from hilrig.recording.run_directory import create_run, trial_directory, write_json
 from hilrig.rig.in_process import run_in_process
@@ -67,8 +69,11 @@ def execute(
 ) -> tuple[Path, list[Outcome]]:
     """Run all trials of the experiment in file `source`.
 
-    Returns the run directory and the outcomes of the trials that were begun, in the plan's order.
+    Returns the run directory and the outcomes of the trials that were begun, in the plan's order. Raises
+    ExperimentError if they cannot be run so.
     """
+    if options.in_process:
+        _refuse_faults(trials)
     plan = {
         "experiment": experiment.to_document(),
         "trials": [trial.to_document() for trial in trials],
@@ -88,6 +93,18 @@ def execute(
         {**manifest, "finished": finished, "wall_s": round(time.monotonic() - began, 3)},
     )
     return run, outcomes
+
+
+def _refuse_faults(trials: Sequence[Trial]) -> None:
+    """Raise ExperimentError if a condition has faults: in one process there is no other one to stall, and no bus."""
+    for trial in trials:
+        for disturbance in trial.disturbances:
+            if is_fault(disturbance):
+                kind = name_of(type(disturbance))[1]
+                raise ExperimentError(
+                    f"--in-process: condition '{trial.condition_name}' has the fault '{kind}', "
+                    "which is done to the processes on the bus; run it without --in-process"
+                )
 
 
 def _manifest(experiment: Experiment, source: Path, options: Options) -> dict[str, Any]:

@@ -1,0 +1,1 @@
+"""What the rig costs, and how well it sees itself: measured on this machine."""

@@ -1,0 +1,91 @@
+"""Does the certificate see? Injects stalls over the bus, and compares what it found with what was injected."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from hilrig.bench.stall_matching import Found, compare
+from hilrig.bench.stall_plan import CULPRITS, experiment
+from hilrig.errors import RigError
+from hilrig.experiment import load
+from hilrig.plan import plan
+from hilrig.recording.bag import read_bag
+from hilrig.recording.fault_log import read_faults
+from hilrig.recording.run_directory import trial_path
+from hilrig.rig.execution import Options, execute
+from hilrig.rig.outcome import Outcome
+from hilrig.trial import Trial
+
+
+class _Quiet:
+    """Listens to trials and says nothing."""
+
+    def started(self, trial: Trial) -> None:
+        """Nothing to say."""
+
+    def progressed(self, trial: Trial, tick: int) -> None:
+        """Nothing to say."""
+
+    def ended(self, trial: Trial, outcome: Outcome) -> None:
+        """Nothing to say."""
+
+
+def found_stalls(bag: Path, period: float) -> list[Found]:
+    """Return the stalls that the certificate finds in a trial's bag, (tick, culprit)."""
+    from hilrig.certificate import stalls, table  # pyright: ignore[reportMissingImports]
+
+    timing = read_bag(bag, ("driver_timing", "controller_timing"))
+    return stalls(table(timing["driver_timing"], timing["controller_timing"]), period)
+
+
+def measure_stalls(count: int, out: Path, seed: int = 1) -> dict[str, Any]:
+    """Inject `count` faults of 1 to 5 ms into driver, controller and bus, and return how they were judged.
+
+    Two trials of `count` * 25 ms run over the bus in real time: one undisturbed, whose stalls are the machine's own,
+    then one with the faults. The run directory is made below `out`. Keys: those of
+    `stall_matching.compare`, planned, run, own_stalls (of the undisturbed trial) and ticks (of each trial).
+    Raises RigError if a trial did not complete.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / "stall_benchmark.yaml"
+    file.write_text(json.dumps(experiment(count, seed), indent=1), encoding="utf-8")  # JSON is YAML
+    loaded = load(file)
+    trials = plan(loaded)
+    run, outcomes = execute(loaded, trials, file, Options(out, ["hilrig", "bench", "stalls"]), _Quiet())
+    if failed := [outcome for outcome in outcomes if not outcome.completed]:
+        raise RigError(
+            f"trial {failed[0].trial} of the stall benchmark {failed[0].outcome}: {failed[0].reason} ({run})"
+        )
+    quiet, faulty = trials
+    own = found_stalls(trial_path(run, quiet.id) / "bag.mcap", quiet.period)
+    found = found_stalls(trial_path(run, faulty.id) / "bag.mcap", faulty.period)
+    injected = read_faults(trial_path(run, faulty.id))
+    judged = compare(injected, found, faulty.period, faulty.actuation_delay)
+    apart = [list(stall) for stall in own]
+    return {"planned": count, **judged, "own_stalls": apart, "ticks": faulty.ticks, "run": str(run)}
+
+
+def render(result: dict[str, Any]) -> str:
+    """Return the result of `measure_stalls` as text: the figures, then the confusion table."""
+    columns = [*dict.fromkeys([*CULPRITS.values(), "unknown", "missed"])]
+    rows = [
+        f"{kind:<17}{CULPRITS[kind]:>12} |" + "".join(f"{row.get(name, 0):>12}" for name in columns)
+        for kind, row in result["confusion"].items()
+    ]
+    injected, ticks = result["injected"], result["ticks"]
+    return "\n".join([
+        f"{injected} of {result['planned']} planned faults injected into {ticks} ticks of 1 ms",
+        f"detected            {_share(result['detected'], injected)}",
+        f"attributed rightly  {_share(result['rightly_attributed'], injected)}",
+        f"stalls found that nobody injected: {len(result['unexplained'])}; "
+        f"in as many ticks without any fault, just before: {len(result['own_stalls'])}",
+        "",
+        f"{'fault':<17}{'culprit':>12} |" + "".join(f"{name:>12}" for name in columns) + "   (attributed to)",
+        *rows,
+    ])  # fmt: skip
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{part} of {whole}" + (f" ({100 * part / whole:.1f} %)" if whole else "")

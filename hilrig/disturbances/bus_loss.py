@@ -1,0 +1,26 @@
+"""Messages that the bus loses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+
+from hilrig.disturbances._occasions import Occasions
+from hilrig.interfaces import Parameter
+from hilrig.signals import Array, Inputs
+
+
+@dataclass(frozen=True, kw_only=True)
+class BusLoss(Occasions):
+    """The state or the command of the given ticks never arrives. A fault of the loop: real time over the bus only."""
+
+    acts_on: ClassVar[tuple[str, ...]] = ("faults.state_loss", "faults.command_loss")
+
+    channel: Annotated[Literal["state", "command"], Parameter("", "which messages: state or command")]
+
+    def apply(self, inputs: Inputs, time: Array, axes: tuple[str, ...], random: np.random.Generator) -> None:
+        """Set the channel's loss in `inputs.faults` to 1. Raises ValueError if the ticks do not fit into the trial."""
+        loss = inputs.faults.state_loss if self.channel == "state" else inputs.faults.command_loss
+        loss[self.ticks(time, random)] = 1.0

@@ -1,0 +1,34 @@
+"""A control law that takes longer to compute."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from hilrig.disturbances._occasions import Duration, Occasions, check_duration, drawn
+from hilrig.interfaces import Parameter
+from hilrig.signals import Array, Inputs
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlowController(Occasions):
+    """The controller computes for `duration` longer at the ticks that are given: busy, not asleep.
+
+    A fault of the loop: real time over the bus only.
+    """
+
+    acts_on: ClassVar[tuple[str, ...]] = ("faults.controller_busy",)
+
+    duration: Annotated[Duration, Parameter("s", "how much longer; given two, each is drawn between them", 1e-6, 1.0)]
+
+    def __post_init__(self) -> None:
+        """Raise ValueError unless it is said in one way at which ticks, and for how long."""
+        super().__post_init__()
+        check_duration(self.duration)
+
+    def apply(self, inputs: Inputs, time: Array, axes: tuple[str, ...], random: np.random.Generator) -> None:
+        """Add to `inputs.faults.controller_busy`. Raises ValueError if the ticks do not fit into the trial."""
+        ticks = self.ticks(time, random)
+        inputs.faults.controller_busy[ticks] += drawn(self.duration, ticks.size, random)

@@ -1,0 +1,42 @@
+"""faults.json: the faults that were injected into a trial, as the processes that did it saw them."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+from hilrig.recording.run_directory import read_json, write_json
+
+
+class InjectedFault(NamedTuple):
+    """One fault that was injected."""
+
+    tick: int
+    role: str
+    """The process that injected it: driver or controller"""
+    kind: str
+    """A field of `hilrig.signals.Faults`"""
+    begin: int
+    """CLOCK_MONOTONIC, ns"""
+    end: int
+    """CLOCK_MONOTONIC, ns; of a lost message its beginning"""
+
+
+def add_faults(directory: Path, faults: Iterable[InjectedFault]) -> None:
+    """Add faults to the log in a trial's directory. Several processes may do so at the same time."""
+    folder = os.open(directory, os.O_RDONLY)
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX)
+        together = sorted([*read_faults(directory), *faults])
+        write_json(directory / "faults.json", [fault._asdict() for fault in together])
+    finally:
+        os.close(folder)
+
+
+def read_faults(directory: Path) -> list[InjectedFault]:
+    """Return the faults that were injected into the trial in `directory`, by tick; none if it has no log."""
+    path = directory / "faults.json"
+    return [InjectedFault(**item) for item in read_json(path)] if path.is_file() else []

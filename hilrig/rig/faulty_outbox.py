@@ -1,0 +1,58 @@
+"""A sender whose bus holds messages back, and loses some."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from queue import SimpleQueue
+from threading import Thread
+
+from hilrig.rig.bus import Outbox
+
+Note = Callable[[int, str, int, int], None]
+"""Takes (tick, "delay" or "loss", begin, end)"""
+
+
+class FaultyOutbox(Outbox):
+    """Sends on the key of another outbox; delays (tick -> ns) and losses (tick -> anything) are those of the messages.
+
+    `put` returns at once. A thread sends what is held, in order: what is put while a message is held waits behind it,
+    as on a link that stands still for a while.
+    """
+
+    def __init__(self, outbox: Outbox, delays: Mapping[int, int], losses: Mapping[int, int], note: Note) -> None:
+        self._outbox, self._delays, self._losses, self._note = outbox, delays, losses, note
+        self._held: SimpleQueue[tuple[int, int, int, bytes] | None] = SimpleQueue()
+        # Each is written by one thread alone: equal, nothing is held.
+        self._taken, self._sent = 0, 0
+        self.put = self._put
+        self._thread = Thread(target=self._send_held, name="held messages", daemon=True)
+        self._thread.start()
+
+    def _put(self, payload: bytes) -> None:
+        tick, now = int.from_bytes(payload[4:12], "little"), time.monotonic_ns()
+        if tick in self._losses:
+            self._note(tick, "loss", now, now)
+            return
+        delay = self._delays.get(tick, 0)
+        if not delay and self._taken == self._sent:
+            self._outbox.put(payload)
+            return
+        self._taken += 1
+        self._held.put((tick, now, delay, bytes(payload)))
+
+    def _send_held(self) -> None:
+        while (item := self._held.get()) is not None:
+            tick, begin, delay, payload = item
+            if (left := begin + delay - time.monotonic_ns()) > 0:
+                time.sleep(left / 1e9)
+            self._outbox.put(payload)
+            if delay:
+                self._note(tick, "delay", begin, time.monotonic_ns())
+            self._sent += 1
+
+    def end(self) -> None:
+        """Send what is held, each message at its time, then say that this was all."""
+        self._held.put(None)
+        self._thread.join()
+        self._outbox.end()
