@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import gc
 import json
 import os
 import shutil
@@ -18,7 +17,8 @@ from typing import Any
 from hilrig.errors import RigError, Stopped, describe
 from hilrig.recording.run_directory import read_trial
 from hilrig.rig.bus import Bus
-from hilrig.rig.cores import come_first, finish_before_yielding, pin
+from hilrig.rig.setup import Report, prepare, refusals, settle
+from hilrig.rig_settings import RigSettings
 from hilrig.trial import Trial
 
 PR_SET_PDEATHSIG = 1
@@ -39,6 +39,8 @@ class Orders:
     connect: tuple[str, ...]
     cores: tuple[int, ...]
     realtime: bool
+    settings: dict[str, Any]
+    """The fields of RigSettings"""
     patience: float
     """s that the others are given to join"""
     parent: int
@@ -55,6 +57,9 @@ class Child:
         self.orders = orders
         self.role = orders.role
         self.run = Path(orders.run)
+        self.settings = RigSettings(**orders.settings)
+        self.setup: Report = {}
+        """What came of the settings in this process"""
         self._bus: Bus | None = None
 
     def read_trial(self) -> Trial:
@@ -68,11 +73,7 @@ class Child:
         By then kernels are compiled, on any core; the bus's threads keep to the cores that the process has then.
         """
         if self._bus is None:
-            pin(list(self.orders.cores))
-            if not self.orders.realtime:
-                finish_before_yielding()
-            elif self.role != "logger" and not come_first():
-                print("no permission for SCHED_FIFO: other processes of this core may come first", flush=True)
+            self.setup = prepare(self.settings, self.role, self.orders.cores, self.orders.realtime)
             self._bus = Bus(self.orders.trial, self.role, self.orders.listen, self.orders.connect)
             self._status = self._bus.outbox("status", blocking=True)
             self._orders = self._bus.inbox("order")
@@ -94,9 +95,10 @@ class Child:
         missing = self.bus.wait_for((*peers, "supervisor"), timeout=self.orders.patience)
         if missing:
             raise RigError(f"waited {self.orders.patience:g} s for {', '.join(sorted(missing))}")
-        # Before the start: a collection takes 50 ms, and the other half of the loop shares this core.
-        freeze()
-        self.tell("ready", **details)
+        self.setup |= settle(self.settings, self.role, self.orders.realtime)
+        for line in refusals(self.setup):
+            print(line, flush=True)
+        self.tell("ready", setup=self.setup, **details)
         while True:
             order = json.loads(self._orders.take())
             if order["order"] == "go":
@@ -107,13 +109,6 @@ class Child:
         """Whether the supervisor wants the trial to end."""
         payload = self._orders.poll()
         return payload is not None and json.loads(payload)["order"] == "stop"
-
-
-def freeze() -> None:
-    """Keep the garbage collector out of the loop."""
-    gc.collect()
-    gc.freeze()
-    gc.disable()
 
 
 class Signals:

@@ -10,6 +10,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -57,7 +58,7 @@ class Rig:
     def __init__(self, run: Path, trial: Trial, slot: int) -> None:
         self.run, self.trial = run, trial
         self.directory = trial_directory(run, trial.id)
-        self._cores = cores_for(slot)
+        self._cores = cores_for(slot, trial.clock == "realtime")
         self.children: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Rig:
@@ -85,7 +86,7 @@ class Rig:
         orders = Orders(
             role, str(self.run.resolve()), self.trial.id, self._sockets,
             tuple(map(self._endpoint, listens)), tuple(map(self._endpoint, connects)),
-            self._cores[role], self.trial.clock == "realtime", READY_TIMEOUT, os.getpid(),
+            self._cores[role], self.trial.clock == "realtime", asdict(self.trial.rig), READY_TIMEOUT, os.getpid(),
         )  # fmt: skip
         return launch(self.directory, role, orders.to_json())
 
