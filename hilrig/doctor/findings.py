@@ -67,7 +67,8 @@ def _preemption(host: Host) -> Finding:
     if now == "unknown":
         return Finding("preemption", "unknown: the kernel does not say", "note")
     if host.preemption_selectable:
-        command = "echo full | sudo tee /sys/kernel/debug/sched/preempt  # for good: preempt=full on the kernel's command line"
+        lasting = "for good: preempt=full on the kernel's command line"
+        command = f"echo full | sudo tee /sys/kernel/debug/sched/preempt  # {lasting}"
         return Finding("preemption", now, "fault", command)
     return Finding("preemption", f"{now}, fixed when the kernel was built", "note")
 

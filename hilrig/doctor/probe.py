@@ -54,8 +54,10 @@ def probe(seconds: float, settings: RigSettings) -> Probe:
 
 def _start(orders: dict[str, Any]) -> subprocess.Popen[str]:
     command = [sys.executable, "-P", "-m", "hilrig.doctor.probe_process", json.dumps(orders)]
-    pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    return subprocess.Popen(command, text=True, start_new_session=True, env={**os.environ, **QUIET}, **pipes)
+    return subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        start_new_session=True, env={**os.environ, **QUIET},
+    )  # fmt: skip
 
 
 def _account(role: str, child: subprocess.Popen[str], patience: float) -> dict[str, dict[str, str]]:

@@ -33,7 +33,7 @@ def prepare(settings: RigSettings, role: str, cores: Iterable[int], realtime: bo
     if settings.pin or not realtime:
         report["pin"] = _account(_cores(cores), *pin(cores))
     else:
-        report["pin"] = _account("none", _cores(os.sched_getaffinity(0)), "")
+        report["pin"] = _as_wanted("none")
     if not realtime:
         report["scheduler"] = _account("batch", *schedule("batch", 0))
     elif role in LOOP:
@@ -55,11 +55,9 @@ def settle(settings: RigSettings, role: str, realtime: bool) -> Report:
     frozen = settings.freeze_garbage or not realtime
     if frozen:
         freeze()
-    report["freeze_garbage"] = _account(*[str(frozen).lower()] * 2, "")
+    report["freeze_garbage"] = _as_wanted("frozen" if frozen else "none")
     if realtime and role in LOOP:
-        report["lock_memory"] = (
-            _account("locked", *memory.lock()) if settings.lock_memory else _account("none", "none", "")
-        )
+        report["lock_memory"] = _account("locked", *memory.lock()) if settings.lock_memory else _as_wanted("none")
     return report
 
 
@@ -83,6 +81,10 @@ def _account(wanted: str, applied: str, reason: str) -> dict[str, str]:
     return {"wanted": wanted, "applied": applied, "reason": reason}
 
 
+def _as_wanted(applied: str) -> dict[str, str]:
+    return _account(applied, applied, "")
+
+
 def _cores(cores: Iterable[int]) -> str:
     return " ".join(map(str, sorted(cores)))
 
@@ -94,7 +96,7 @@ _held: list[int] = []
 def _hold_awake(latency: float | None) -> dict[str, str]:
     """Ask for idle states that a core leaves within `latency` seconds, for as long as this process lives."""
     if latency is None:
-        return _account("as it is", "as it is", "")
+        return _as_wanted("as it is")
     wanted = f"{latency * 1e6:.0f} us"
     try:
         file = os.open(DMA_LATENCY, os.O_WRONLY | os.O_CLOEXEC)
@@ -105,4 +107,4 @@ def _hold_awake(latency: float | None) -> dict[str, str]:
         os.write(file, round(latency * 1e6).to_bytes(4, "little", signed=True))
     except OSError as error:
         return _account(wanted, "as it is", f"{DMA_LATENCY}: {error.strerror}")
-    return _account(wanted, wanted, "")
+    return _as_wanted(wanted)
