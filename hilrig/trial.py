@@ -6,7 +6,7 @@ No pydantic, no YAML and no units here: the processes of the rig read trials and
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from hilrig.interfaces import (
     Task,
 )  # fmt: skip
 from hilrig.plugins import dump, restore
+from hilrig.rig_settings import RigSettings
 from hilrig.signals import Array, Inputs, Reference
 
 ALL_PHASES = "all"
@@ -112,6 +113,8 @@ class Trial:
     limits: Limits
     start_position: tuple[float, ...]
     """Where the tip starts, at rest, (m,) m"""
+    rig: RigSettings = field(default_factory=RigSettings)
+    """The real-time set-up"""
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -145,6 +148,7 @@ class Trial:
             "disturbances": dump(self.disturbances),
             "limits": dump(self.limits),
             "start_position": list(self.start_position),
+            "rig": dump(self.rig),
         }
 
     @classmethod
@@ -163,6 +167,7 @@ class Trial:
             disturbances=tuple(restore("disturbances", item) for item in document["disturbances"]),
             limits=Limits(**document["limits"]),
             start_position=tuple(document["start_position"]),
+            rig=RigSettings(**document.get("rig", {})),  # none in plans older than these settings
         )
 
 

@@ -113,6 +113,9 @@ def _check_time(experiment: Experiment) -> Iterator[Finding]:
         if whole < 1 or abs(whole * period - phase.duration) > 1e-6 * period:
             message = f"{phase.duration:g} s is not a whole number of periods of {period:g} s"
             yield Finding(("phases", i, "duration"), message)
+    if experiment.rig.spin >= period:
+        message = f"{experiment.rig.spin:g} s is not less than the period of {period:g} s"
+        yield Finding(("rig", "spin"), message)
     if experiment.phases and not MIN_TICKS <= ticks <= MAX_TICKS:
         yield Finding(("phases",), f"{ticks} ticks in all; a trial has {MIN_TICKS} to {MAX_TICKS}")
 

@@ -10,6 +10,7 @@ from hilrig import plugins
 from hilrig.document import Document
 from hilrig.errors import Place
 from hilrig.interfaces import Controller, Disturbance, Driver, Parameter, PerAxis, ReferenceSignal
+from hilrig.rig_settings import RigSettings
 from hilrig.schema import ByAxis, Later
 from hilrig.trial import Limits
 
@@ -97,6 +98,7 @@ class Experiment:
     seed: Annotated[int, Parameter("", "of everything random", 0, 2**63 - 1)] = 0
     expect: Annotated[tuple[Expectation, ...], Parameter("", "limits that the run must keep, and ends")] = ()
     safety: Annotated[Limits, Parameter("", "where a trial is ended")] = field(default_factory=Limits)
+    rig: Annotated[RigSettings, Parameter("", "the real-time set-up")] = field(default_factory=RigSettings)
     source: Document | None = field(default=None, compare=False, repr=False, metadata={"filled": True})
 
     def place(self, *path: str | int) -> Place | None:

@@ -56,6 +56,7 @@ def _trials(experiment: Experiment, repeat: int, start: tuple[float, ...]) -> li
             disturbances=tuple(disturbances),
             limits=experiment.safety,
             start_position=start,
+            rig=experiment.rig,
         )
         for condition, disturbances in experiment.conditions.items()
         for controller, law in experiment.controllers.items()

@@ -20,7 +20,7 @@ DEPTH = 4096
 """Messages an inbox holds before it holds up its sender (lockstep) or loses (real time)"""
 
 
-def _configuration(listen: Iterable[str], connect: Iterable[str]) -> zenoh.Config:
+def _configuration(listen: Iterable[str], connect: Iterable[str], low_latency: bool) -> zenoh.Config:
     config = zenoh.Config()
     settings = {
         "mode": "peer",
@@ -33,8 +33,8 @@ def _configuration(listen: Iterable[str], connect: Iterable[str]) -> zenoh.Confi
         "connect/exit_on_failure": False,
         "connect/retry": {"period_init_ms": 20, "period_max_ms": 100, "period_increase_factor": 1},
         # The low-latency link has no priorities; zenoh refuses to open with both.
-        "transport/unicast/lowlatency": True,
-        "transport/unicast/qos/enabled": False,
+        "transport/unicast/lowlatency": low_latency,
+        "transport/unicast/qos/enabled": not low_latency,
     }
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
@@ -72,10 +72,12 @@ class Outbox:
 class Bus:
     """One participant of one trial."""
 
-    def __init__(self, trial: str, role: str, listen: Iterable[str], connect: Iterable[str]) -> None:
+    def __init__(
+        self, trial: str, role: str, listen: Iterable[str], connect: Iterable[str], low_latency: bool = True
+    ) -> None:
         self._root, self._role = f"hilrig/{trial}", role
         try:
-            self._session = zenoh.open(_configuration(listen, connect))
+            self._session = zenoh.open(_configuration(listen, connect, low_latency))
         except zenoh.ZError as error:
             raise RigError(f"{role}: cannot join the bus ({error})") from error
         self._token: Any = None

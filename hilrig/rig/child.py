@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import gc
 import json
 import os
 import shutil
@@ -19,8 +18,9 @@ from hilrig.errors import RigError, Stopped, describe
 from hilrig.recording.run_directory import read_trial
 from hilrig.rig.bus import Bus
 from hilrig.rig.continuations import Continuations
-from hilrig.rig.cores import come_first, finish_before_yielding, pin
 from hilrig.rig.courier import Courier
+from hilrig.rig.setup import Report, as_wanted, prepare, refusals, settle
+from hilrig.rig_settings import RigSettings
 from hilrig.trial import Trial
 
 PR_SET_PDEATHSIG = 1
@@ -41,6 +41,8 @@ class Orders:
     connect: tuple[str, ...]
     cores: tuple[int, ...]
     realtime: bool
+    settings: dict[str, Any]
+    """The fields of RigSettings"""
     patience: float
     """s that the others are given to join"""
     parent: int
@@ -57,6 +59,9 @@ class Child:
         self.orders = orders
         self.role = orders.role
         self.run = Path(orders.run)
+        self.settings = RigSettings(**orders.settings)
+        self.setup: Report = {}
+        """What came of the settings in this process"""
         self._bus: Bus | None = None
         self._courier: Courier | None = None
         self._continued = Continuations()
@@ -72,12 +77,11 @@ class Child:
         By then kernels are compiled, on any core; the bus's threads keep to the cores that the process has then.
         """
         if self._bus is None:
-            pin(list(self.orders.cores))
-            if not self.orders.realtime:
-                finish_before_yielding()
-            elif self.role != "logger" and not come_first():
-                print("no permission for SCHED_FIFO: other processes of this core may come first", flush=True)
-            self._bus = Bus(self.orders.trial, self.role, self.orders.listen, self.orders.connect)
+            self.setup = prepare(self.settings, self.role, self.orders.cores, self.orders.realtime)
+            self._continued.listen()
+            low_latency = self.settings.low_latency_link or not self.orders.realtime
+            self.setup["low_latency_link"] = as_wanted("on" if low_latency else "off")
+            self._bus = Bus(self.orders.trial, self.role, self.orders.listen, self.orders.connect, low_latency)
             self._status = self._bus.outbox("status", blocking=True)
             self._orders = self._bus.inbox("order")
         return self._bus
@@ -116,9 +120,10 @@ class Child:
         missing = self.bus.wait_for((*peers, "supervisor"), timeout=self.orders.patience)
         if missing:
             raise RigError(f"waited {self.orders.patience:g} s for {', '.join(sorted(missing))}")
-        # Before the start: a collection takes 50 ms, and the other half of the loop shares this core.
-        freeze()
-        self.tell("ready", **details)
+        self.setup |= settle(self.settings, self.role, self.orders.realtime)
+        for line in refusals(self.setup):
+            print(line, flush=True)
+        self.tell("ready", setup=self.setup, **details)
         while True:
             order = json.loads(self._orders.take())
             if order["order"] == "go":
@@ -129,13 +134,6 @@ class Child:
         """Whether the supervisor wants the trial to end."""
         payload = self._orders.poll()
         return payload is not None and json.loads(payload)["order"] == "stop"
-
-
-def freeze() -> None:
-    """Keep the garbage collector out of the loop."""
-    gc.collect()
-    gc.freeze()
-    gc.disable()
 
 
 class Signals:

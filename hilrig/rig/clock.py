@@ -9,8 +9,6 @@ TIMER_ABSTIME = 1
 NANOSECONDS = 1_000_000_000
 PROGRESS = 100_000_000
 """ns between two reports of a trial's progress, and two looks whether to stop"""
-SPIN = 100_000
-"""ns: the last part of every wait is spent awake, because the kernel wakes a sleeper some microseconds late"""
 
 
 class _Timespec(ctypes.Structure):
@@ -31,10 +29,12 @@ def sleep_until(moment: int) -> None:
 class Pacer:
     """Says when each tick may begin: at once in lockstep, at its due time in real time."""
 
-    def __init__(self, period: float, realtime: bool) -> None:
+    def __init__(self, period: float, realtime: bool, spin: float) -> None:
+        """`spin`, s, is the last part of every wait, spent awake: the kernel wakes a sleeper some microseconds late."""
         self._period = round(period * NANOSECONDS)
         self._realtime = realtime
         self._start = 0
+        self._spin = round(spin * NANOSECONDS)
 
     def wait(self, tick: int) -> int:
         """Wait for the tick; return when it was due (ns). In lockstep it is due when asked for."""
@@ -43,7 +43,7 @@ class Pacer:
         if not self._realtime:
             return time.monotonic_ns()
         due = self._start + tick * self._period
-        sleep_until(due - SPIN)
+        sleep_until(due - self._spin)
         while time.monotonic_ns() < due:
             pass
         return due

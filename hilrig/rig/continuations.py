@@ -17,6 +17,9 @@ class Continuations:
         self.last = 0
         """CLOCK_MONOTONIC, ns; 0: never"""
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGCONT})
+
+    def listen(self) -> None:
+        """Begin; to be called when the process has its scheduling, which the thread inherits."""
         Thread(target=self._listen, name="continuations", daemon=True).start()
 
     def _listen(self) -> None:

@@ -32,7 +32,7 @@ class BusWire:
     ) -> None:  # fmt: skip
         self._child, self._trial, self._injector = child, trial, injector
         self._realtime = trial.clock == "realtime"
-        self._pacer = Pacer(trial.period, self._realtime)
+        self._pacer = Pacer(trial.period, self._realtime, trial.rig.spin)
         outbox = child.bus.outbox("state", blocking=not self._realtime)
         self._outbox = outbox if injector is None else injector.outbox(outbox)
         inbox = child.bus.inbox("command")

@@ -38,7 +38,7 @@ class DirectWire:
     ) -> None:  # fmt: skip
         self._trial, self._control, self._recorder = trial, control, recorder
         self._report, self._stop = report, stop
-        self._pacer = Pacer(trial.period, trial.clock == "realtime")
+        self._pacer = Pacer(trial.period, trial.clock == "realtime", trial.rig.spin)
         self._commands: dict[int, tuple[Command, int]] = {}
         self._acting: tuple[Command | None, int] = (None, 0)
         self._sheets = Sheets(codecs, NAMES, ROWS)

@@ -19,16 +19,17 @@ from hilrig.rig.view_maker import Views
 def work(child: Child) -> None:
     """Record until every sender has said that it sent its last message, or until stopped."""
     parcels = child.bus.inbox("record")
-    views = Views(child.bus, read_trial_document(child.run, child.orders.trial))
+    trial = read_trial_document(child.run, child.orders.trial)
+    views = Views(child.bus, trial)
     order = child.ready(("driver", "controller"))
     directory = trial_path(child.run, child.orders.trial)
-    with Recorder(directory, order["period"], definitions(order["memory"])) as recorder:
+    with Recorder(directory, trial["period"], definitions(order["memory"])) as recorder:
         try:
             record(parcels, recorder, views)
         except Stopped:
             record_rest(parcels, recorder, views)
         views.end()
-        write_json(directory / "timing.json", summarise(order["clock"], recorder.timing()))
+        write_json(directory / "timing.json", summarise(trial["clock"], recorder.timing()))
         summary = recorder.summary()
     child.tell("done", channels=summary)
 

@@ -10,6 +10,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -62,14 +63,15 @@ class Rig:
     def __init__(self, run: Path, trial: Trial, slot: int, live: Live | None) -> None:
         self.run, self.trial = run, trial
         self.directory = trial_directory(run, trial.id)
-        self._cores = cores_for(slot)
+        self._cores = cores_for(slot, trial.clock == "realtime")
         self._live = live
         self.children: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Rig:
         self._sockets = tempfile.mkdtemp(prefix="hilrig-")
         try:
-            self.bus = Bus(self.trial.id, "supervisor", [self._endpoint("supervisor")], [])
+            low_latency = self.trial.rig.low_latency_link or self.trial.clock == "lockstep"
+            self.bus = Bus(self.trial.id, "supervisor", [self._endpoint("supervisor")], [], low_latency)
             self._orders = self.bus.outbox("order", blocking=True)
             self.statuses = self.bus.inbox("status")
             self.bus.announce()
@@ -93,7 +95,7 @@ class Rig:
         orders = Orders(
             role, str(self.run.resolve()), self.trial.id, self._sockets,
             tuple(map(self._endpoint, listens)), tuple(map(self._endpoint, connects)),
-            self._cores[role], self.trial.clock == "realtime", READY_TIMEOUT, os.getpid(),
+            self._cores[role], self.trial.clock == "realtime", asdict(self.trial.rig), READY_TIMEOUT, os.getpid(),
         )  # fmt: skip
         return launch(self.directory, role, orders.to_json())
 
@@ -153,8 +155,8 @@ class Watch:
         if self._all_ready():
             began = self._heard = time.monotonic()
             self._begun = True
-            trial = self._rig.trial
-            self._rig.order("go", memory=self._ready["controller"]["memory"], period=trial.period, clock=trial.clock)
+            setup = {role: self._ready[role]["setup"] for role in ROLES}
+            self._rig.order("go", memory=self._ready["controller"]["memory"], setup=setup)
             self._follow()
         wall = time.monotonic() - began
         channels = self._bring_down()

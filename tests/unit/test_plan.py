@@ -10,6 +10,7 @@ from hilrig.errors import ExperimentError
 from hilrig.experiment import load
 from hilrig.interfaces import POSITION_CLIP, VELOCITY_CLIP
 from hilrig.plan import plan
+from hilrig.rig_settings import RigSettings
 from hilrig.trial import Limits, Trial, inputs, make_impedance, make_task, references, start_joint_position, times
 
 TEXT = """\
@@ -164,6 +165,35 @@ def test_a_plan_written_before_there_was_a_choice_of_anti_windup_has_it(tmp_path
     document = trial.to_document()
     del document["task"]["anti_windup"]
     assert Trial.from_document(document) == trial
+
+
+def test_the_real_time_set_up_travels_with_the_trial(tmp_path: Path) -> None:
+    assert planned(tmp_path)[0].rig == RigSettings()
+    trial = planned(tmp_path, TEXT, "rig={scheduler: other, spin: 2e-5, cpu_dma_latency: null, lock_memory: false}")[0]
+    assert trial.rig == RigSettings(scheduler="other", spin=2e-5, cpu_dma_latency=None, lock_memory=False)
+    assert Trial.from_document(json.loads(json.dumps(trial.to_document()))) == trial
+
+
+def test_a_plan_written_before_there_was_a_set_up_has_the_default(tmp_path: Path) -> None:
+    trial = planned(tmp_path)[0]
+    document = trial.to_document()
+    del document["rig"]
+    assert Trial.from_document(document) == trial
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("rig.scheduler=fifi", "'fifi' is not allowed; did you mean 'fifo'? (allowed: 'fifo', 'batch', 'other')"),
+        ("rig.priority=100", "100"),
+        ("rig.spin=2 ms", "0.002 s is not less than the period of 0.001 s"),
+        ("rig.lock_memry=true", "unknown key 'lock_memry'; did you mean 'lock_memory'?"),
+    ],
+)
+def test_a_set_up_that_cannot_be_is_refused(tmp_path: Path, change: str, message: str) -> None:
+    with pytest.raises(ExperimentError) as raised:
+        planned(tmp_path, TEXT, change)
+    assert message in str(raised.value)
 
 
 def test_out_of_reach_names_the_first_tick_where_it_is(tmp_path: Path) -> None:

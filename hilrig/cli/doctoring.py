@@ -1,0 +1,107 @@
+"""The verb that takes this machine: doctor."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hilrig.cli.application import AsJson, app, print_json
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from hilrig.doctor.findings import Finding
+    from hilrig.doctor.verdict import Probe, Verdict
+
+STYLES = {"ok": "green", "note": "yellow", "fault": "red"}
+WORDS = {"ready": "green", "usable with late ticks": "yellow", "not ready": "red"}
+
+
+@app.command()
+def doctor(
+    seconds: Annotated[float, typer.Option(min=0.1, max=3600, help="How long the probe takes.")] = 10.0,
+    as_json: AsJson = False,
+) -> None:
+    """Tell whether this machine can run the loop at 1 ms, and how to mend what is in the way.
+
+    Reads what the machine says of itself, then measures the wake-up lateness and the bus round trip at 1 kHz, with the
+    default set-up of an experiment. Exit code: 0 the machine was examined, whatever was found.
+    """
+    from hilrig.doctor.findings import findings, from_probe
+    from hilrig.doctor.host import read_host
+    from hilrig.doctor.probe import probe
+    from hilrig.doctor.trying import try_things
+    from hilrig.doctor.verdict import judge
+    from hilrig.rig_settings import RigSettings
+
+    settings = RigSettings()
+    # Before the probe, which is a load itself.
+    host = read_host(try_things(settings.priority))
+    if not as_json:
+        typer.echo(f"probing for {seconds:g} s ...", err=True)
+    measured = probe(seconds, settings)
+    verdict, found = judge(measured), [*findings(host), *from_probe(measured)]
+    if as_json:
+        print_json(
+            {
+                "verdict": verdict._asdict(),
+                "findings": [item._asdict() for item in found],
+                "probe": measured._asdict(),
+                "host": {**dataclasses.asdict(host), "tried": host.tried._asdict()},
+            }
+        )
+    else:
+        _show(found, measured, verdict)
+
+
+def _show(found: list[Finding], measured: Probe, verdict: Verdict) -> None:
+    from rich.console import Console
+
+    # A pipe has no width: nothing must be folded there.
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 200)
+    _print_findings(console, found)
+    _print_probe(console, measured)
+    console.print(f"\n1 ms on this machine: [bold {WORDS[verdict.word]}]{verdict.word}[/]")
+    for reason in verdict.because:
+        console.print(f"  {reason}")
+    _print_remedies(console, found)
+
+
+def _print_findings(console: Console, found: list[Finding]) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for item in found:
+        table.add_row(Text(item.verdict, style=STYLES[item.verdict]), item.name, Text(item.value))
+    console.print(table)
+
+
+def _print_probe(console: Console, measured: Probe) -> None:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column(f"probe of {measured.ticks} ticks, us")
+    rows = {"lateness of waking up": measured.lateness_us, "round trip over the bus": measured.round_trip_us}
+    names = list(measured.lateness_us)
+    for name in names:
+        table.add_column(name, justify="right")
+    for title, row in rows.items():
+        table.add_row(title, *(f"{row[name]:.1f}" if row else "-" for name in names))
+    table.add_row("late ticks", f"{measured.late}", f"({measured.late / measured.ticks:.2%})")
+    console.print()
+    console.print(table)
+
+
+def _print_remedies(console: Console, found: list[Finding]) -> None:
+    """Print what mends each finding, a line each, never folded: they are there to be copied."""
+    for verdict, title in (("fault", "To mend the faults:"), ("note", "What may help beside:")):
+        items = [item for item in found if item.verdict == verdict and item.remedy]
+        if items:
+            console.print(f"\n{title}")
+        for item in items:
+            console.print(f"  {item.name}", style=STYLES[verdict])
+            console.print(f"    {item.remedy}", soft_wrap=True, markup=False)

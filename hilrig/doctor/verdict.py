@@ -1,0 +1,114 @@
+"""Whether a machine is fit for a loop of one period: the rule, and the figures that it goes by. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hilrig.rig.setup import Report
+
+PERCENTILES = {"p50": 50.0, "p99": 99.0, "p99.9": 99.9, "max": 100.0}
+READY_LATE, USABLE_LATE = 0.001, 0.005
+"""Fractions of late ticks; the second is the budget that an experiment has by default"""
+
+
+@dataclass(frozen=True)
+class Stamps:
+    """What a probe of N ticks noted, CLOCK_MONOTONIC in ns, arrays (N,)."""
+
+    period: int
+    """ns"""
+    due: NDArray[np.int64]
+    woke: NDArray[np.int64]
+    published: NDArray[np.int64]
+    received: NDArray[np.int64]
+    """When the answer came in; 0 if it did not"""
+
+
+class Probe(NamedTuple):
+    """What a probe found."""
+
+    ticks: int
+    period: float
+    """s"""
+    late: int
+    """Ticks whose answer was not there at the next one, or that began a period or more after they were due"""
+    lateness_us: dict[str, float]
+    """Percentiles of woke - due"""
+    round_trip_us: dict[str, float]
+    """Percentiles of received - published; empty if no answer came"""
+    unanswered: int
+    steal: float
+    """Fraction of the cores' time that the hypervisor took; 0 without one"""
+    setup: dict[str, Report]
+    """What came of the real-time settings: process -> report"""
+
+
+class Verdict(NamedTuple):
+    """Whether a machine is fit, and why."""
+
+    word: Literal["ready", "usable with late ticks", "not ready"]
+    because: tuple[str, ...]
+    """What kept it from a better one; empty if it is ready"""
+
+
+def summarise(stamps: Stamps, steal: float, setup: dict[str, Report]) -> Probe:
+    """Return what the stamps of a probe amount to."""
+    lateness = stamps.woke - stamps.due
+    answered = stamps.received > 0
+    trips = (stamps.received - stamps.published)[answered]
+    # The loop's rule, with an actuation delay of one: at tick k + 1 the answer to tick k takes effect.
+    missing = ~answered[:-1] | (stamps.received[:-1] > stamps.woke[1:])
+    late = int(np.sum((lateness[1:] >= stamps.period) | missing))
+    return Probe(
+        ticks=len(lateness), period=stamps.period * 1e-9, late=late,
+        lateness_us=_percentiles(lateness), round_trip_us=_percentiles(trips),
+        unanswered=int(np.sum(~answered)), steal=steal, setup=setup,
+    )  # fmt: skip
+
+
+def judge(probe: Probe) -> Verdict:
+    """Return the verdict for the probe's period l.
+
+    **ready**: at most 0.1 % of the ticks late, p99 of lateness at most l/10, p99 of the round trip at most l/2, and
+    SCHED_FIFO applied: without it any other process may make the loop late, however quiet the machine was just now.
+    **usable with late ticks**: at most 0.5 % late, which is the budget of an experiment by default, p99 of lateness at
+    most l/4 and of the round trip at most l. **not ready**: worse. The answers came without a control law; what it
+    computes comes on top.
+    """
+    short_of_ready = _beyond(probe, READY_LATE, 10, 2)
+    refused = [report["scheduler"]["reason"] for report in probe.setup.values() if report["scheduler"]["reason"]]
+    if refused:
+        short_of_ready.append("SCHED_FIFO was refused: any other process may come first")
+    if not short_of_ready:
+        return Verdict("ready", ())
+    short_of_usable = _beyond(probe, USABLE_LATE, 4, 1)
+    if not short_of_usable:
+        return Verdict("usable with late ticks", tuple(short_of_ready))
+    return Verdict("not ready", tuple(short_of_usable))
+
+
+def _beyond(probe: Probe, late: float, lateness: int, trip: int) -> list[str]:
+    """Return which limits are exceeded: the fraction of late ticks, and fractions 1/n of the period."""
+    found: list[str] = []
+    period = probe.period * 1e6
+    if (fraction := probe.late / probe.ticks) > late:
+        found.append(f"{fraction:.2%} of the ticks were late, more than {late:.1%}")
+    if (value := probe.lateness_us["p99"]) > period / lateness:
+        found.append(f"the lateness was {value:.0f} us at p99, more than {period / lateness:.0f} us")
+    value = probe.round_trip_us.get("p99")
+    if value is None:
+        found.append("no answer came over the bus")
+    elif value > period / trip:
+        found.append(f"the round trip over the bus took {value:.0f} us at p99, more than {period / trip:.0f} us")
+    return found
+
+
+def _percentiles(values: NDArray[np.int64]) -> dict[str, float]:
+    """Return percentiles of times in ns, in us; empty of none."""
+    if not values.size:
+        return {}
+    return {name: round(float(np.percentile(values, at)) / 1e3, 1) for name, at in PERCENTILES.items()}

@@ -1,0 +1,113 @@
+"""The real-time set-up of a process: everything where it is permitted, and an account of what was not.
+
+Two steps. `prepare` comes before the process has threads, for threads inherit its cores, its scheduling and its timer
+slack. `settle` comes when all is made that the loop needs, just before the trial starts.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+from collections.abc import Iterable
+
+from hilrig.rig import memory
+from hilrig.rig.cores import pin
+from hilrig.rig.scheduling import schedule, set_timer_slack
+from hilrig.rig_settings import RigSettings
+
+LOOP = ("driver", "controller")
+"""The roles that wait for each other at every tick"""
+DMA_LATENCY = "/dev/cpu_dma_latency"
+
+Report = dict[str, dict[str, str]]
+"""Setting -> {"wanted", "applied", "reason"}: in words; the reason is empty where the wanted was applied"""
+
+
+def prepare(settings: RigSettings, role: str, cores: Iterable[int], realtime: bool) -> Report:
+    """Give this process its cores and its scheduling, and hold the cores awake; return what came of it.
+
+    In lockstep every role is pinned and SCHED_BATCH, whatever the settings say (decision 7). In real time the logger
+    is pinned alone. The driver holds cpu_dma_latency: it lives exactly as long as the trial.
+    """
+    report: Report = {}
+    if settings.pin or not realtime:
+        report["pin"] = _account(_cores(cores), *pin(cores))
+    else:
+        report["pin"] = as_wanted("none")
+    if not realtime:
+        report["scheduler"] = _account("batch", *schedule("batch", 0))
+    elif role in LOOP:
+        # The clock's master comes first: a controller that computes too long must not hold it up.
+        priority = settings.priority + (role == "driver")
+        wanted = f"fifo {priority}" if settings.scheduler == "fifo" else settings.scheduler
+        # The slack first: the kernel drops it where the scheduler is SCHED_FIFO.
+        report["timer_slack"] = _account(f"{settings.timer_slack * 1e9:.0f} ns", *set_timer_slack(settings.timer_slack))
+        report["scheduler"] = _account(wanted, *schedule(settings.scheduler, priority))
+    if realtime and role == "driver":
+        report["cpu_dma_latency"] = _hold_awake(settings.cpu_dma_latency)
+    return report
+
+
+def settle(settings: RigSettings, role: str, realtime: bool) -> Report:
+    """Lock the memory and freeze the garbage of this process, which has now all that the loop needs.
+
+    Garbage is frozen in lockstep and in the logger too: a collection takes 50 ms, and the loop may wait for it.
+    """
+    report: Report = {}
+    frozen = settings.freeze_garbage or not realtime
+    if frozen:
+        freeze()
+    report["freeze_garbage"] = as_wanted("frozen" if frozen else "none")
+    if realtime and role in LOOP:
+        report["lock_memory"] = _account("locked", *memory.lock()) if settings.lock_memory else as_wanted("none")
+    return report
+
+
+def refusals(report: Report) -> list[str]:
+    """Return a line for each setting that was not applied as wanted: what, what instead, and why."""
+    return [
+        f"{name}: {item['applied']} instead of {item['wanted']}: {item['reason']}"
+        for name, item in report.items()
+        if item["reason"]
+    ]
+
+
+def freeze() -> None:
+    """Keep the garbage collector out of the loop."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+
+
+def _account(wanted: str, applied: str, reason: str) -> dict[str, str]:
+    return {"wanted": wanted, "applied": applied, "reason": reason}
+
+
+def as_wanted(applied: str) -> dict[str, str]:
+    """Return the account of a setting that needs no permission."""
+    return _account(applied, applied, "")
+
+
+def _cores(cores: Iterable[int]) -> str:
+    return " ".join(map(str, sorted(cores)))
+
+
+_held: list[int] = []
+"""The open file of cpu_dma_latency: the kernel forgets the request when the process ends"""
+
+
+def _hold_awake(latency: float | None) -> dict[str, str]:
+    """Ask for idle states that a core leaves within `latency` seconds, for as long as this process lives."""
+    if latency is None:
+        return as_wanted("as it is")
+    wanted = f"{latency * 1e6:.0f} us"
+    try:
+        file = os.open(DMA_LATENCY, os.O_WRONLY | os.O_CLOEXEC)
+    except OSError as error:
+        return _account(wanted, "as it is", f"{DMA_LATENCY}: {error.strerror}")
+    _held.append(file)
+    try:
+        os.write(file, round(latency * 1e6).to_bytes(4, "little", signed=True))
+    except OSError as error:
+        return _account(wanted, "as it is", f"{DMA_LATENCY}: {error.strerror}")
+    return as_wanted(wanted)
