@@ -22,6 +22,9 @@ from hilrig.trial import Trial
 class _Quiet:
     """Listens to trials and says nothing."""
 
+    def opened(self, run: Path) -> None:
+        """Nothing to say."""
+
     def started(self, trial: Trial) -> None:
         """Nothing to say."""
 

@@ -66,8 +66,8 @@ def test_what_the_driver_reports_is_what_the_kernel_says() -> None:
     assert report["pin"]["applied"] == kernel["cores"] == kernel["core"]
     assert kernel["frozen"]
     if not report["scheduler"]["reason"]:
-        assert report["scheduler"]["applied"] == "fifo 50"
-        assert (kernel["policy"], kernel["priority"]) == (os.SCHED_FIFO, 50)
+        assert report["scheduler"]["applied"] == "fifo 51"
+        assert (kernel["policy"], kernel["priority"]) == (os.SCHED_FIFO, 51)
     if not report["lock_memory"]["reason"]:
         assert kernel["locked"] > 0.9 * kernel["size"] > 0
     if not report["cpu_dma_latency"]["reason"]:
@@ -80,7 +80,7 @@ def test_as_root_nothing_is_refused() -> None:
     report, kernel = applied(priority=7)
     refused = set() if os.path.exists("/dev/cpu_dma_latency") else {"cpu_dma_latency"}
     assert {name for name, item in report.items() if item["reason"]} == refused
-    assert (kernel["priority"], kernel["binds"]) == (7, False)
+    assert (kernel["priority"], kernel["binds"]) == (8, False)
     assert refusals({**report, "cpu_dma_latency": report["pin"]}) == []
 
 
