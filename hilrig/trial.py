@@ -6,7 +6,7 @@ No pydantic, no YAML and no units here: the processes of the rig read trials and
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
@@ -87,6 +87,28 @@ class Limits:
     joint_velocity: Annotated[float, Parameter("rad/s", "largest joint velocity", 1e-3, 1e3)] = 20.0
 
 
+AGE_MARGIN = 0.25
+"""Periods beyond the actuation delay that the age of a command may have, unless the experiment says otherwise"""
+
+
+@dataclass(frozen=True)
+class TimingBudget:
+    """What the loop may take in real time; a trial outside of it is invalid and is not compared."""
+
+    late_fraction: Annotated[float, Parameter("", "largest share of late ticks", 0.0, 1.0)] = 0.005
+    command_age_p99: Annotated[
+        float | None,
+        Parameter(
+            "s", "largest 99th percentile of the age of the command in effect; default: actuation delay + 1/4 period",
+            1e-5, 1e3, "log",
+        ),
+    ] = None  # fmt: skip
+
+    def command_age_limit(self, period: float, actuation_delay: int) -> float:
+        """Return the limit on the age of the command in effect, s: as given, or (d + 1/4) l."""
+        return (actuation_delay + AGE_MARGIN) * period if self.command_age_p99 is None else self.command_age_p99
+
+
 @dataclass(frozen=True)
 class Trial:
     """One controller under one condition, once."""
@@ -112,6 +134,8 @@ class Trial:
     limits: Limits
     start_position: tuple[float, ...]
     """Where the tip starts, at rest, (m,) m"""
+    timing: TimingBudget = field(default_factory=TimingBudget)
+    """What the loop may take in real time"""
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -145,6 +169,7 @@ class Trial:
             "disturbances": dump(self.disturbances),
             "limits": dump(self.limits),
             "start_position": list(self.start_position),
+            "timing": dump(self.timing),
         }
 
     @classmethod
@@ -163,6 +188,7 @@ class Trial:
             disturbances=tuple(restore("disturbances", item) for item in document["disturbances"]),
             limits=Limits(**document["limits"]),
             start_position=tuple(document["start_position"]),
+            timing=TimingBudget(**document["timing"]),
         )
 
 

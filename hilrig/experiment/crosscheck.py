@@ -32,7 +32,7 @@ def completed(experiment: Experiment) -> Experiment:
     """
     findings = [
         *_check_names(experiment), *_check_task(experiment), *_check_time(experiment),
-        *_check_abilities(experiment),
+        *_check_abilities(experiment), *_check_timing(experiment),
     ]  # fmt: skip
     phases, expect = [], []
     axes_known = set(experiment.task.force_axes) <= set(experiment.driver.robot.axes)
@@ -135,6 +135,16 @@ def _check_abilities(experiment: Experiment) -> Iterator[Finding]:
                 able = ", ".join(abilities.inputs) or "none"
                 message = f"the driver cannot apply '{kind}', on {', '.join(beyond)} (it can: {able})"
                 yield Finding(("conditions", name, i), message)
+
+
+def _check_timing(experiment: Experiment) -> Iterator[Finding]:
+    age, least = experiment.timing.command_age_p99, experiment.actuation_delay * experiment.period
+    if age is not None and age <= least:
+        message = (
+            f"{1e3 * age:g} ms can never be kept: a command takes effect {experiment.actuation_delay} ticks of "
+            f"{1e3 * experiment.period:g} ms after its measurement; it must be more than {1e3 * least:g} ms"
+        )
+        yield Finding(("timing", "command_age_p99"), message)
 
 
 def _complete_phase(experiment: Experiment, phase: Phase, index: int, findings: list[Finding]) -> Phase:

@@ -11,7 +11,7 @@ from hilrig.document import Document
 from hilrig.errors import Place
 from hilrig.interfaces import Controller, Disturbance, Driver, Parameter, PerAxis, ReferenceSignal
 from hilrig.schema import ByAxis, Later
-from hilrig.trial import Limits
+from hilrig.trial import Limits, TimingBudget
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,9 @@ class Experiment:
     seed: Annotated[int, Parameter("", "of everything random", 0, 2**63 - 1)] = 0
     expect: Annotated[tuple[Expectation, ...], Parameter("", "limits that the run must keep, and ends")] = ()
     safety: Annotated[Limits, Parameter("", "where a trial is ended")] = field(default_factory=Limits)
+    timing: Annotated[TimingBudget, Parameter("", "what the loop may take in real time")] = field(
+        default_factory=TimingBudget
+    )
     source: Document | None = field(default=None, compare=False, repr=False, metadata={"filled": True})
 
     def place(self, *path: str | int) -> Place | None:

@@ -107,7 +107,7 @@ def _chunks(file: IO[bytes], path: Path) -> Iterator[bytes]:
 
 
 def _columns(definition: Definition, payloads: list[bytes]) -> dict[str, np.ndarray]:
-    batched = definition.name.endswith("Timing")
+    batched = definition.name.endswith("Timing") and any(field.size == 0 for field in definition.fields)
     if not batched:
         return Codec(definition, sizes_in(definition, payloads[0])).columns(payloads)
     rows: dict[str, list[np.ndarray]] = defaultdict(list)

@@ -11,9 +11,9 @@ from hilrig.compiled.tick import Block
 from hilrig.compiled.trial import CompiledTrial, can_compile, warm_up
 from hilrig.errors import Stopped
 from hilrig.loop import Answer, ControlSide, Ending, PlantSide, do_ticks, warm_up_control, warm_up_plant
+from hilrig.recording.old_timing import summarise_batches
 from hilrig.recording.recorder import Recorder
 from hilrig.recording.run_directory import trial_directory, write_json
-from hilrig.recording.timing import summarise
 from hilrig.rig.channels import Codecs, Stamps, channels
 from hilrig.rig.clock import PROGRESS, Pacer
 from hilrig.rig.outcome import Outcome
@@ -125,7 +125,7 @@ def run_in_process(
             plant.close()
             wire.end()
         summary = recorder.summary()
-        timing = summarise(trial.clock, recorder.timing)
+        timing = summarise_batches(trial.clock, recorder.timing)
         write_json(directory / "timing.json", {**timing, "loop_s": round(wire.loop_s, 4)})
     return Outcome.of(trial, *ending, time.monotonic() - began, summary)
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from hilrig.errors import Stopped
+from hilrig.recording.old_timing import summarise_batches
 from hilrig.recording.recorder import Recorder
 from hilrig.recording.run_directory import trial_path, write_json
-from hilrig.recording.timing import summarise
 from hilrig.rig.bus import Inbox
 from hilrig.rig.channels import NAMES, channels, unpack_parcel
 from hilrig.rig.child import Child, main
@@ -21,7 +21,7 @@ def work(child: Child) -> None:
             record(parcels, recorder)
         except Stopped:
             record_rest(parcels, recorder)
-        write_json(directory / "timing.json", summarise(order["clock"], recorder.timing))
+        write_json(directory / "timing.json", summarise_batches(order["clock"], recorder.timing))
         summary = recorder.summary()
     child.tell("done", channels=summary)
 

@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hilrig.certificate.histogram import quantiles
 from hilrig.messages.codec import Codec, definition
-from hilrig.recording.timing import quantiles, summarise
+from hilrig.recording.old_timing import summarise_batches as summarise
 
 MICRO = 1000
 
