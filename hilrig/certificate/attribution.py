@@ -57,6 +57,9 @@ def _culprits(chain: Chain, usual: Stamps, period: int) -> Stamps:
     largest = np.take_along_axis(excess, most[:, None], axis=1)[:, 0]
     nearly_all = largest >= MOST * np.sum(np.maximum(excess, 0), axis=1)
     explained = (largest >= LEAST * period) & ((chain.end - largest <= chain.needed) | nearly_all)
-    alone = chain.shares >= MOST * (chain.needed - chain.due)[:, None]
+    most_of_it = MOST * (chain.needed - chain.due)
+    alone = chain.shares >= most_of_it[:, None]
     always = np.where(np.count_nonzero(alone, axis=1) == 1, np.argmax(alone, axis=1), UNKNOWN)
+    # Beside a process that takes most of the time anyway, a small excess of another is no cause.
+    explained &= (always == UNKNOWN) | (largest >= most_of_it)
     return np.where(chain.known, np.where(explained, most, always), UNKNOWN)

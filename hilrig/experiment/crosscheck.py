@@ -141,8 +141,9 @@ def _check_timing(experiment: Experiment) -> Iterator[Finding]:
     age, least = experiment.timing.command_age_p99, experiment.actuation_delay * experiment.period
     if age is not None and age <= least:
         message = (
-            f"{1e3 * age:g} ms can never be kept: a command takes effect {experiment.actuation_delay} ticks of "
-            f"{1e3 * experiment.period:g} ms after its measurement; it must be more than {1e3 * least:g} ms"
+            f"{1e3 * age:g} ms can never be kept: with an actuation delay of {experiment.actuation_delay} and a period "
+            f"of {1e3 * experiment.period:g} ms a command is {1e3 * least:g} ms old when it takes effect; "
+            "give more than that"
         )
         yield Finding(("timing", "command_age_p99"), message)
 

@@ -73,7 +73,7 @@ def _figures(measured: Measured, folder: Path) -> dict[str, list[Shown]]:
 def _timing_figures(measured: Measured, folder: Path) -> list[Shown]:
     """Draw and save the figures of the certificate; none in lockstep."""
     pictures = []
-    for condition, trials in measured.drawn.items():
+    for condition, trials in measured.most_late.items():
         kept = {
             name: (trial, measured.kept[trial.id].table) for name, trial in trials.items() if trial.id in measured.kept
         }

@@ -45,8 +45,10 @@ class Measured:
     sources: list[str]
     """Where positions and forces come from: "truth", "measurement" or both; empty if no trial left a usable bag"""
     drawn: Drawn
+    most_late: Drawn
+    """The repeats with the most late ticks, whose lateness is drawn; empty in lockstep"""
     kept: Mapping[str, Kept]
-    """By trial id, of those in `drawn` that left a usable bag"""
+    """By trial id, of those in `drawn` and `most_late` that left a usable bag"""
     command_ages: Mapping[str, list[Array]]
     """By controller, of each trial in real time that counts, (K,) s; in lockstep the delay is what was set"""
 
@@ -67,7 +69,9 @@ def measure_run(run: Path, to_draw: bool = False) -> Measured:
     """
     data = load_run(run)
     drawn = _first_repeats(data) if to_draw else {}
-    reads = _read_all(data, {trial.id for trials in drawn.values() for trial in trials.values()})
+    most_late = _most_late(data) if to_draw else {}
+    shown = (trials.values() for trials in (*drawn.values(), *most_late.values()))
+    reads = _read_all(data, {trial.id for some in shown for trial in some})
     metrics = table([row for read in reads.values() for row in read.rows])
     if reads and os.access(run, os.W_OK) and not any(trial.outcome["outcome"] == DAMAGED for trial in data.trials):
         metrics.to_csv(run / "metrics.csv", index=False)
@@ -77,6 +81,7 @@ def measure_run(run: Path, to_draw: bool = False) -> Measured:
         expected=judge(data.experiment.get("expect") or [], metrics, data.trials),
         sources=sorted({read.source for read in reads.values()}),
         drawn=drawn,
+        most_late=most_late,
         kept={name: read.kept for name, read in reads.items() if read.kept is not None},
         command_ages=_command_ages(data, reads),
     )
@@ -99,6 +104,18 @@ def _first_repeats(data: RunData) -> Drawn:
         condition: {name: trials[name] for name in data.controllers if name in trials}
         for condition, trials in chosen.items()
     }
+
+
+def _most_late(data: RunData) -> Drawn:
+    """Return the repeat in real time with the most late ticks, of each condition and controller."""
+    chosen: dict[str, dict[str, TrialEntry]] = {}
+    for trial in sorted(data.trials, key=lambda trial: (-trial.timing.get("late", 0), trial.repeat)):
+        if trial.timing.get("ticks") and terms_of(trial.document).realtime:
+            chosen.setdefault(trial.condition, {}).setdefault(trial.controller, trial)
+    return {
+        condition: {name: chosen[condition][name] for name in data.controllers if name in chosen[condition]}
+        for condition in data.conditions if condition in chosen
+    }  # fmt: skip
 
 
 def _read_all(data: RunData, kept: Collection[str]) -> dict[str, _Read]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from hilrig.certificate.attribution import Attribution
 from hilrig.certificate.histogram import tail
@@ -43,12 +44,11 @@ def lateness_figure(condition: str, trials: Mapping[str, Stamped]) -> Picture:
         for row, (name, stamped) in enumerate(trials.items()):
             axes = figure.add_subplot(grid[row, 0])
             _over_time(axes, stamped)
-            axes.set_title(name, loc="left", color="#444444", pad=3)
+            axes.set_title(f"{name}, repeat {stamped.trial.repeat}", loc="left", color="#444444", pad=3)
         name_curves(figure, named)
-    repeats = ", ".join(sorted({str(stamped.trial.repeat) for stamped in trials.values()}))
     text = (
-        f"Condition {condition}, repeat {repeats} of each controller: from due to awake. Marks above: late ticks, "
-        "a row and a colour for each culprit. Dashed: one period."
+        f"Condition {condition}, of each controller the repeat with the most late ticks: from due to awake. "
+        "Marks above: late ticks, a row and a colour for each culprit. Dashed: one period."
     )
     return Picture(f"lateness_{condition}", "Lateness", text, figure)
 
@@ -90,6 +90,9 @@ def tail_figure(trials: Sequence[TrialEntry], controllers: tuple[str, ...]) -> P
                 _tail(axes, trial.timing["histograms"].get(name, []), looks[trial.controller])
             axes.axvline(1e6 * limit, color=QUIET, linewidth=0.7, linestyle=(0, (4, 2)))
             axes.set_xscale("log")
+            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.xaxis.set_major_formatter("{x:g}")
+            axes.xaxis.set_minor_formatter(NullFormatter())
             axes.set_yscale("log")
             axes.set_xlabel(f"{name.replace('_', ' ')} [µs]", labelpad=1.5)
             axes.set_ylabel("share of ticks at or above")

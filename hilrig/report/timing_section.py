@@ -10,12 +10,14 @@ from hilrig.recording.run_directory import messages_lost
 from hilrig.report.dataset import RunData, TrialEntry
 
 TIMES = {
-    "lateness": "lateness", "state_transport": "state transport", "compute": "compute",
-    "command_transport": "command transport", "command_age": "command age", "round_trip": "round trip",
+    "lateness": "lateness", "command_age": "command age", "state_transport": "state transport", "compute": "compute",
+    "command_transport": "command transport", "round_trip": "round trip",
 }  # fmt: skip
 """Quantities of timing.json, and what they are called"""
 IN_LOCKSTEP = ("compute", "round_trip")
 """Those that mean something where the plant waits"""
+ONE_WAY = ("state_transport", "command_transport")
+"""Those that take one clock; with two there is the round trip instead"""
 
 
 @dataclass(frozen=True)
@@ -75,16 +77,25 @@ class TimingSection:
 def timing_section(run: RunData) -> TimingSection:
     """Return the section of a run."""
     realtime = run.manifest.get("clock") == "realtime"
+    two_clocks = any(trial.timing.get("one_clock") is False for trial in run.trials)
     rows = [_row(trial) for trial in run.trials]
     return TimingSection(
         realtime,
-        {name: title for name, title in TIMES.items() if realtime or name in IN_LOCKSTEP},
+        {name: TIMES[name] for name in _shown(realtime, two_clocks)},
         rows,
         _setup(run.trials),
         _budgets(run.trials) if realtime else "",
-        any(trial.timing.get("one_clock") is False for trial in run.trials),
+        two_clocks,
         [row.trial for row in rows if row.ticks and not any(row.times.values())],
     )
+
+
+def _shown(realtime: bool, two_clocks: bool) -> list[str]:
+    """Return the quantities that have a column."""
+    if not realtime:
+        return [name for name in TIMES if name in IN_LOCKSTEP]
+    without = ONE_WAY if two_clocks else ("round_trip",)
+    return [name for name in TIMES if name not in without]
 
 
 def _row(trial: TrialEntry) -> TimingRow:
