@@ -25,6 +25,7 @@ LOOPS: dict[str, dict[str, Any]] = {
     "delay 2": {"delay": 2},
     "two clocks": {"offset": 10**15},
     "period 2 ms": {"period": 2 * MS},
+    "slow law": {"compute": 350_000, "latest_only": False},
 }
 
 
@@ -43,7 +44,7 @@ def with_stalls(kinds: list[str], seed: int, **settings: Any) -> Loop:
     return Loop(planned, 10 + APART * len(kinds), seed=seed, **settings)
 
 
-@pytest.mark.parametrize("name", LOOPS)
+@pytest.mark.parametrize("name", [name for name in LOOPS if name != "slow law"])
 @given(kinds=st.lists(st.sampled_from(list(KINDS)), min_size=1, max_size=8), seed=st.integers(0, 2**31))
 @settings(max_examples=12, deadline=None)
 def test_every_stall_is_seen_and_its_late_ticks_go_to_its_culprit(name: str, kinds: list[str], seed: int) -> None:
@@ -63,7 +64,11 @@ def test_every_stall_is_seen_and_its_late_ticks_go_to_its_culprit(name: str, kin
         assert np.count_nonzero(right) > 0.5 * right.size or right.size == 0, (stall, found.culprit[mine])
 
 
-@pytest.mark.parametrize(("name", "least"), [(name, 0.95 if name == "two clocks" else 0.98) for name in LOOPS])
+RIGHT = {"two clocks": 0.95, "slow law": 0.85}
+"""Least share that is put down rightly, where it is less than 0.98: a slow law takes long to work off a queue"""
+
+
+@pytest.mark.parametrize(("name", "least"), [(name, RIGHT.get(name, 0.98)) for name in LOOPS])
 def test_of_many_late_ticks_nearly_all_are_put_down_rightly(name: str, least: float) -> None:
     random = np.random.default_rng(5)
     loop = with_stalls([str(kind) for kind in random.choice(list(KINDS), 120)], 5, **LOOPS[name])
