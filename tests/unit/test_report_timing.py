@@ -66,8 +66,8 @@ def test_late_ticks_stand_with_their_culprits(reported: tuple[Path, str, dict]) 
         "3",
         "0",
         "0",
-        "kept",
         "0",
+        "kept",
     ]
 
 
