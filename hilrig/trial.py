@@ -88,6 +88,28 @@ class Limits:
     joint_velocity: Annotated[float, Parameter("rad/s", "largest joint velocity", 1e-3, 1e3)] = 20.0
 
 
+AGE_MARGIN = 0.25
+"""Periods beyond the actuation delay that the age of a command may have, unless the experiment says otherwise"""
+
+
+@dataclass(frozen=True)
+class TimingBudget:
+    """What the loop may take in real time; a trial outside of it is invalid and is not compared."""
+
+    late_fraction: Annotated[float, Parameter("", "largest share of late ticks", 0.0, 1.0)] = 0.005
+    command_age_p99: Annotated[
+        float | None,
+        Parameter(
+            "s", "largest 99th percentile of the age of the command in effect; default: actuation delay + 1/4 period",
+            1e-5, 1e3, "log",
+        ),
+    ] = None  # fmt: skip
+
+    def command_age_limit(self, period: float, actuation_delay: int) -> float:
+        """Return the limit on the age of the command in effect, s: as given, or (d + 1/4) l."""
+        return (actuation_delay + AGE_MARGIN) * period if self.command_age_p99 is None else self.command_age_p99
+
+
 @dataclass(frozen=True)
 class Trial:
     """One controller under one condition, once."""
@@ -115,6 +137,8 @@ class Trial:
     """Where the tip starts, at rest, (m,) m"""
     rig: RigSettings = field(default_factory=RigSettings)
     """The real-time set-up"""
+    timing: TimingBudget = field(default_factory=TimingBudget)
+    """What the loop may take in real time"""
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -149,6 +173,7 @@ class Trial:
             "limits": dump(self.limits),
             "start_position": list(self.start_position),
             "rig": dump(self.rig),
+            "timing": dump(self.timing),
         }
 
     @classmethod
@@ -168,6 +193,7 @@ class Trial:
             limits=Limits(**document["limits"]),
             start_position=tuple(document["start_position"]),
             rig=RigSettings(**document.get("rig", {})),  # none in plans older than these settings
+            timing=TimingBudget(**document["timing"]),
         )
 
 

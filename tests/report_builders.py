@@ -7,9 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from loop_simulation import Loop
 
-from hilrig.messages.codec import Codec, definition, extended
+from hilrig.certificate.budget import Budget
+from hilrig.messages.codec import Codec, Definition, definition, extended, parse
+from hilrig.recording.bag import read_bag
 from hilrig.recording.bag_writer import BagWriter
+from hilrig.recording.timing import summarise, terms_of
 from hilrig.report.dataset import TrialEntry
 from hilrig.report.measures import COLUMNS
 
@@ -153,6 +157,55 @@ def make_run(
     (path / "manifest.json").write_text(json.dumps(manifest))
     (path / "experiment.yaml").write_text("hilrig: 1\nquestion: <b>Which</b>?\n")
     return path
+
+
+STAMPS = {
+    "DriverTiming": ("due", "woke", "published", "command", "received", "applied", "continued"),
+    "ControllerTiming": ("waiting", "received", "computed", "published", "continued"),
+}
+"""The messages of the timing channels, one a tick: stamps in ns behind tick and time"""
+BUDGET = Budget(0.005, 1.25e-3)
+
+
+def stamps_definition(name: str) -> Definition:
+    return parse(name, "uint64 tick\nfloat64 time\n" + "".join(f"int64 {field}\n" for field in STAMPS[name]))
+
+
+def in_real_time(run: Path, loops: dict[str, Loop], setup: dict | None = None, one_clock: bool = True) -> Path:
+    """Make a run, from `make_run`, one in real time: by trial id a loop that was simulated, with its certificate."""
+    plan, manifest = (json.loads((run / name).read_text()) for name in ("plan.json", "manifest.json"))
+    for trial in plan["trials"]:
+        trial.update(clock="realtime", actuation_delay=1)
+    for trial in plan["trials"]:
+        if trial["id"] not in loops:
+            continue
+        folder = run / "trials" / trial["id"]
+        channels = read_bag(folder / "bag.mcap")
+        stamps = dict(zip(("driver_timing", "controller_timing"), loops[trial["id"]].columns(), strict=True))
+        with BagWriter(folder / "bag.mcap") as bag:
+            for name, fields in channels.items():
+                shape = {
+                    "state": definition("State"), "truth": definition("Truth"), "command": definition("Command"),
+                    "internals": extended(definition("Internals"), MEMORY),
+                }[name]  # fmt: skip
+                write_rows(bag, name, shape, fields)
+            for name, kind in zip(stamps, ("DriverTiming", "ControllerTiming"), strict=True):
+                fields = {**stamps[name], "time": stamps[name]["tick"] * PERIOD}
+                write_rows(bag, name, stamps_definition(kind), fields)
+        certificate = summarise(terms_of(trial), BUDGET, stamps, setup, one_clock)
+        (folder / "timing.json").write_text(json.dumps(certificate))
+    (run / "plan.json").write_text(json.dumps(plan))
+    (run / "manifest.json").write_text(json.dumps({**manifest, "clock": "realtime", "transport": "zenoh"}))
+    return run
+
+
+def write_rows(bag: BagWriter, name: str, shape: Definition, fields: dict[str, np.ndarray]) -> None:
+    """Write a channel's messages, one for each row."""
+    bag.add_channel(name, shape)
+    codec = Codec(shape, {f.name: fields[f.name].shape[1] for f in shape.fields if f.size == 0})
+    for row in range(fields["tick"].size):
+        values = [fields[f.name][row] for f in shape.fields]
+        bag.write(name, codec.pack(values), int(fields["tick"][row]), PERIOD)
 
 
 SIZES = {"small": 1.0, "large": 3.0}

@@ -6,14 +6,21 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from hilrig.bench.stall_matching import Found, compare
 from hilrig.bench.stall_plan import CULPRITS, experiment
+from hilrig.certificate.attribution import attribute
+from hilrig.certificate.processes import CULPRITS as PROCESSES
+from hilrig.certificate.table import join
 from hilrig.errors import RigError
 from hilrig.experiment import load
 from hilrig.plan import plan
 from hilrig.recording.bag import read_bag
 from hilrig.recording.fault_log import read_faults
+from hilrig.recording.recorder import TIMING
 from hilrig.recording.run_directory import trial_path
+from hilrig.recording.timing import terms_of
 from hilrig.rig.execution import Options, execute
 from hilrig.rig.outcome import Outcome
 from hilrig.trial import Trial
@@ -35,12 +42,13 @@ class _Quiet:
         """Nothing to say."""
 
 
-def found_stalls(bag: Path, period: float) -> list[Found]:
-    """Return the stalls that the certificate finds in a trial's bag, (tick, culprit)."""
-    from hilrig.certificate import stalls, table  # pyright: ignore[reportMissingImports]
-
-    timing = read_bag(bag, ("driver_timing", "controller_timing"))
-    return stalls(table(timing["driver_timing"], timing["controller_timing"]), period)
+def late_ticks(bag: Path, trial: Trial) -> list[Found]:
+    """Return the late ticks that the certificate finds in a trial's bag, (tick, culprit)."""
+    timing = read_bag(bag, TIMING)
+    table = join(timing["driver_timing"], timing["controller_timing"])
+    found = attribute(table, terms_of(trial.to_document()))
+    rows = np.flatnonzero(found.late)
+    return [(int(table.driver.tick[row]), PROCESSES[found.culprit[row]]) for row in rows]
 
 
 def measure_stalls(count: int, out: Path, seed: int = 1) -> dict[str, Any]:
@@ -62,8 +70,8 @@ def measure_stalls(count: int, out: Path, seed: int = 1) -> dict[str, Any]:
             f"trial {failed[0].trial} of the stall benchmark {failed[0].outcome}: {failed[0].reason} ({run})"
         )
     quiet, faulty = trials
-    own = found_stalls(trial_path(run, quiet.id) / "bag.mcap", quiet.period)
-    found = found_stalls(trial_path(run, faulty.id) / "bag.mcap", faulty.period)
+    own = late_ticks(trial_path(run, quiet.id) / "bag.mcap", quiet)
+    found = late_ticks(trial_path(run, faulty.id) / "bag.mcap", faulty)
     injected = read_faults(trial_path(run, faulty.id))
     judged = compare(injected, found, faulty.period, faulty.actuation_delay)
     apart = [list(stall) for stall in own]

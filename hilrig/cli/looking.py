@@ -65,11 +65,11 @@ def list_command(
 
 def _row(run: Path) -> dict[str, Any]:
     """Return what `list` tells of one run; a damaged one must not hide the others."""
-    from hilrig.recording.run_directory import read_manifest, read_outcome, read_plan
+    from hilrig.recording.run_directory import ending, read_manifest, read_outcome, read_plan
 
     try:
         manifest = read_manifest(run)
-        outcomes = [read_outcome(run, trial["id"])["outcome"] for trial in read_plan(run)["trials"]]
+        outcomes = [ending(read_outcome(run, trial["id"])) for trial in read_plan(run)["trials"]]
     except RunDirectoryError as error:
         return {"run": run.name, "experiment": str(error), "completed": "?", "clock": "?"}
     done = f"{outcomes.count('completed')}/{len(outcomes)}"
@@ -82,7 +82,7 @@ def show(run: RunArgument, as_json: AsJson = False) -> None:
 
     Outcome and reason, speed, messages lost, and where the run came from.
     """
-    from hilrig.recording.run_directory import messages_lost, read_manifest, read_outcome, read_plan
+    from hilrig.recording.run_directory import ending, messages_lost, read_manifest, read_outcome, read_plan, reason
 
     path = find_run(run)
     manifest, planned = read_manifest(path), read_plan(path)
@@ -96,11 +96,11 @@ def show(run: RunArgument, as_json: AsJson = False) -> None:
     rows = [
         [
             item["trial"],
-            item["outcome"],
+            ending(item),
             str(item["ticks"]),
             f"{item.get('speed', 0):.2f}",
             "?" if (lost := messages_lost(item)) is None else str(lost),
-            item["reason"],
+            reason(item),
         ]
         for item in outcomes
     ]

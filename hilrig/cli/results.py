@@ -37,18 +37,28 @@ def make_room(junit: Path | None) -> None:
 
 
 def tell_run(run: Path, experiment: Experiment, trials: Sequence[Trial], outcomes: Sequence[Outcome]) -> bool:
-    """Print how many trials of a run completed; return whether every one did, or ended as expected."""
+    """Print how many trials of a run completed, and which were outside their timing budget.
+
+    Return whether every one completed within it, or ended as expected.
+    """
     from hilrig.experiment.expecting import ended_early, ends_as_expected
+    from hilrig.recording.run_directory import INVALID, ending, read_outcome, reason
 
     expect = experiment.to_document()["expect"]
     planned = {trial.id: trial for trial in trials}
+    read = {item.trial: read_outcome(run, item.trial) for item in outcomes}
+    ended = {name: ending(outcome) for name, outcome in read.items()}
     expected = [
-        item.outcome for item in outcomes if (trial := planned[item.trial])
-        and ends_as_expected(expect, trial.controller_name, trial.condition_name, item.outcome)
+        word for name, word in ended.items() if (trial := planned[name])
+        and ends_as_expected(expect, trial.controller_name, trial.condition_name, word)
     ]  # fmt: skip
-    completed = sum(item.completed for item in outcomes)
-    typer.echo(f"run      {run}  ({completed} of {len(trials)} trials completed{ended_early(expected)})")
-    return completed + sum(outcome != "completed" for outcome in expected) == len(trials)
+    completed, invalid = (sum(word == wanted for word in ended.values()) for wanted in ("completed", INVALID))
+    others = f", {invalid} invalid" * (invalid > 0) + ended_early(expected)
+    typer.echo(f"run      {run}  ({completed} of {len(trials)} trials completed{others})")
+    for name, word in ended.items():
+        if word == INVALID:
+            typer.echo(f"invalid  {name}  {reason(read[name])}")
+    return completed + sum(word != "completed" for word in expected) == len(trials)
 
 
 def tell_results(run: Path, out: Path | None, report: bool, junit: Path | None) -> bool:

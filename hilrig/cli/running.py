@@ -104,8 +104,10 @@ def run(
 
     Ctrl-C ends the trials in flight cleanly.
 
-    Exit code: 0 all trials completed or ended as expected, and all expectations are met; 1 a trial did not, or an
-    expectation is not met; 2 the experiment or the call is wrong; 130 interrupted.
+    A trial in real time that was outside its timing budget is invalid, and is not compared.
+
+    Exit code: 0 all trials completed or ended as expected, and all expectations are met; 1 a trial did not, or is
+    invalid, or an expectation is not met; 2 the experiment or the call is wrong; 130 interrupted.
     """
     overrides = [*(override or [])]
     overrides += [f"clock={clock}"] if clock else []

@@ -8,3 +8,4 @@ from hilrig.experiment.model import ImpedanceSpec as ImpedanceSpec
 from hilrig.experiment.model import Phase as Phase
 from hilrig.experiment.model import Task as Task
 from hilrig.trial import Limits as Limits
+from hilrig.trial import TimingBudget as TimingBudget

@@ -32,7 +32,7 @@ def completed(experiment: Experiment) -> Experiment:
     """
     findings = [
         *_check_names(experiment), *_check_task(experiment), *_check_time(experiment),
-        *_check_abilities(experiment), *_check_faults(experiment),
+        *_check_abilities(experiment), *_check_faults(experiment), *_check_timing(experiment),
     ]  # fmt: skip
     phases, expect = [], []
     axes_known = set(experiment.task.force_axes) <= set(experiment.driver.robot.axes)
@@ -149,6 +149,17 @@ def _check_faults(experiment: Experiment) -> Iterator[Finding]:
                 wanted = f"it needs the clock 'realtime', not '{experiment.clock}'"
                 message = f"'{kind}' is a fault of the real-time loop: {wanted}"
                 yield Finding(("conditions", name, i), message)
+
+
+def _check_timing(experiment: Experiment) -> Iterator[Finding]:
+    age, least = experiment.timing.command_age_p99, experiment.actuation_delay * experiment.period
+    if age is not None and age <= least:
+        message = (
+            f"{1e3 * age:g} ms can never be kept: with an actuation delay of {experiment.actuation_delay} and a period "
+            f"of {1e3 * experiment.period:g} ms a command is {1e3 * least:g} ms old when it takes effect; "
+            "give more than that"
+        )
+        yield Finding(("timing", "command_age_p99"), message)
 
 
 def _complete_phase(experiment: Experiment, phase: Phase, index: int, findings: list[Finding]) -> Phase:

@@ -12,7 +12,7 @@ from hilrig.errors import Place
 from hilrig.interfaces import Controller, Disturbance, Driver, Parameter, PerAxis, ReferenceSignal
 from hilrig.rig_settings import RigSettings
 from hilrig.schema import ByAxis, Later
-from hilrig.trial import Limits
+from hilrig.trial import Limits, TimingBudget
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,9 @@ class Experiment:
     expect: Annotated[tuple[Expectation, ...], Parameter("", "limits that the run must keep, and ends")] = ()
     safety: Annotated[Limits, Parameter("", "where a trial is ended")] = field(default_factory=Limits)
     rig: Annotated[RigSettings, Parameter("", "the real-time set-up")] = field(default_factory=RigSettings)
+    timing: Annotated[TimingBudget, Parameter("", "what the loop may take in real time")] = field(
+        default_factory=TimingBudget
+    )
     source: Document | None = field(default=None, compare=False, repr=False, metadata={"filled": True})
 
     def place(self, *path: str | int) -> Place | None:

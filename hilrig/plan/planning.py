@@ -55,6 +55,7 @@ def _trials(experiment: Experiment, repeat: int, start: tuple[float, ...]) -> li
             phases=phases,
             disturbances=tuple(disturbances),
             limits=experiment.safety,
+            timing=experiment.timing,
             start_position=start,
             rig=experiment.rig,
         )

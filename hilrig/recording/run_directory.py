@@ -18,6 +18,8 @@ from hilrig.trial import Trial
 
 DAMAGED = "damaged"
 """Outcome of a trial that completed, and whose bag has been cut or is gone since"""
+INVALID = "invalid"
+"""How a trial in real time counts that came to its end outside its timing budget"""
 PARTS = ("experiment.yaml", "manifest.json", "plan.json", "trials")
 
 
@@ -147,8 +149,35 @@ def read_trial_document(run: Path, trial: str) -> Mapping[str, Any]:
 def read_outcome(run: Path, trial: str) -> dict[str, Any]:
     """Return the outcome of one trial; where the run left none: "aborted" if it was begun, else "not run".
 
-    A trial that completed is "damaged" if its bag is not whole any more.
+    A trial that completed is "damaged" if its bag is not whole any more. `invalid_because` says why the trial is
+    outside its timing budget, by its timing.json; it is empty if it is within, or had none to keep.
     """
+    outcome = _outcome(run, trial)
+    timing = trial_path(run, trial) / "timing.json"
+    reasons = read_json(timing).get("invalid_because", []) if timing.is_file() else []
+    return {**outcome, "invalid_because": reasons}
+
+
+def ending(outcome: Mapping[str, Any]) -> str:
+    """Return how a trial ended, from what `read_outcome` says: "invalid" if it is outside its timing budget.
+
+    That is said of trials that completed or tripped: a loop that did not keep its period proves nothing by either. What
+    failed or was aborted stays that.
+    """
+    counts = outcome["outcome"] in ("completed", "tripped")
+    return INVALID if counts and outcome.get("invalid_because") else outcome["outcome"]
+
+
+def reason(outcome: Mapping[str, Any]) -> str:
+    """Return why a trial ended as `ending` says, in one line; empty if it completed."""
+    if ending(outcome) != INVALID:
+        return outcome.get("reason", "")
+    before = f"{outcome['outcome']}: {outcome['reason']}; " if outcome.get("reason") else ""
+    return f"{before}outside its timing budget: {'; '.join(outcome['invalid_because'])}"
+
+
+def _outcome(run: Path, trial: str) -> dict[str, Any]:
+    """Return the outcome, whatever the trial's timing was."""
     folder = trial_path(run, trial)
     if (folder / "outcome.json").is_file():
         outcome = read_json(folder / "outcome.json")

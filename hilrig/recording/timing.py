@@ -1,4 +1,4 @@
-"""From time stamps to what a trial's timing was: timing.json."""
+"""From the stamps of a trial to what its timing was: timing.json."""
 
 from __future__ import annotations
 
@@ -7,31 +7,62 @@ from typing import Any
 
 import numpy as np
 
-QUANTILES = {"p50": 50.0, "p99": 99.0, "p99.9": 99.9, "max": 100.0}
+from hilrig.certificate.attribution import attribute
+from hilrig.certificate.budget import Budget, broken
+from hilrig.certificate.durations import Terms, durations
+from hilrig.certificate.histogram import histogram, quantiles
+from hilrig.certificate.table import Columns, join
+from hilrig.trial import TimingBudget
+
+Setup = Mapping[str, Mapping[str, Mapping[str, Any]]]
+"""process -> setting -> {"wanted", "applied", "reason"}"""
+
+QUANTITIES = ("lateness", "state_transport", "compute", "command_transport", "command_age", "round_trip")
+"""In the order of timing.json"""
 
 
-def summarise(clock: str, stamps: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, Any]:
-    """Return the timing of a trial from its time stamps, channel -> field -> (N,).
+def terms_of(document: Mapping[str, Any]) -> Terms:
+    """Return what the loop of a trial was to do, from its document in the plan."""
+    return Terms(document.get("clock", "lockstep"), document["period"], document.get("actuation_delay", 1))
 
-    late: ticks whose period ran under an older command than it should have. lateness: due to woken, real time only.
-    round_trip: measurement published to command in hand. compute: measurement in hand to torque known. Microseconds.
+
+def budget_of(document: Mapping[str, Any]) -> Budget:
+    """Return what the loop of a trial may take, from its document in the plan."""
+    budget = TimingBudget(**document.get("timing", {}))
+    age = budget.command_age_limit(document["period"], document.get("actuation_delay", 1))
+    return Budget(budget.late_fraction, age)
+
+
+def summarise(
+    terms: Terms,
+    budget: Budget,
+    channels: Mapping[str, Columns],
+    setup: Setup | None = None,
+    one_clock: bool = True,
+) -> dict[str, Any]:
+    """Return the certificate of a trial as plain data, from "driver_timing" and "controller_timing".
+
+    A channel may be missing or empty. late_by: late ticks by who caused them. <quantity>_us: p50, p99, p99.9 and max in
+    microseconds; null where nothing is known. histograms: [lower edge in ns, count] of every bin that is not empty
+    (`certificate/histogram.py`). valid: whether a trial in real time kept its budget, with invalid_because; null in
+    lockstep, where there is none to keep.
     """
-    driver, controller = stamps["driver_timing"], stamps["controller_timing"]
-    ticks, late = driver["due"].size, 0
+    table = join(channels.get("driver_timing"), channels.get("controller_timing"), one_clock)
+    found = attribute(table, terms)
+    ticks, late = found.late.size, int(np.count_nonzero(found.late))
+    values = {name: values for name, values in durations(table, terms).items() if values is not None}
+    reasons = broken(budget, ticks, late, values["command_age"]) if terms.realtime else []
     return {
-        "clock": clock,
+        "clock": terms.clock,
         "ticks": ticks,
         "late": late,
         "late_fraction": late / ticks if ticks else 0.0,
-        "lateness_us": quantiles(driver["woke"] - driver["due"]) if clock == "realtime" else None,
-        "round_trip_us": quantiles(driver["received"] - driver["published"]),
-        "compute_us": quantiles(controller["computed"] - controller["received"]),
+        "late_by": found.counts(),
+        **{f"{name}_us": quantiles(values[name]) if name in values else None for name in QUANTITIES},
+        "histograms": {name: histogram(values[name]) for name in QUANTITIES if name in values and values[name].size},
+        "setup": {process: dict(settings) for process, settings in (setup or {}).items()},
+        "budget": budget._asdict(),
+        "valid": not reasons if terms.realtime else None,
+        "invalid_because": reasons,
+        "one_clock": one_clock,
     }
-
-
-def quantiles(nanoseconds: np.ndarray) -> dict[str, float] | None:
-    """Return p50, p99, p99.9 and max in microseconds, or None if there is nothing to tell."""
-    if nanoseconds.size == 0:
-        return None
-    values = np.percentile(nanoseconds, list(QUANTILES.values())) / 1e3
-    return dict(zip(QUANTILES, (round(float(value), 1) for value in values), strict=True))

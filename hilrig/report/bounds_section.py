@@ -39,7 +39,7 @@ class BoundRow:
 
 @dataclass(frozen=True)
 class MeasuredDelay:
-    """The loop delays of a controller's trials in real time."""
+    """The loop delay of a controller's trials in real time: the age of the command in effect."""
 
     p50: float
     """ms"""
@@ -91,12 +91,12 @@ class BoundsSection:
     flights: list[FlightRow]
 
 
-def bounds_section(run: RunData, delays: Mapping[str, Sequence[Array]]) -> BoundsSection:
-    """Return the section; `delays` are the measured loop delays (K,) s of each controller's trials in real time."""
+def bounds_section(run: RunData, ages: Mapping[str, Sequence[Array]]) -> BoundsSection:
+    """Return the section; `ages` are those of the commands in effect, (K,) s, by controller and trial in real time."""
     found = run.bounds
     periods = {trial.controller: trial.document for trial in run.trials}
     groups = [
-        _group(name, estimator, periods[name], delays.get(name, ()))
+        _group(name, estimator, periods[name], ages.get(name, ()))
         for name, estimator in found.get("estimators", {}).items()
     ]
     flights = [
@@ -106,21 +106,21 @@ def bounds_section(run: RunData, delays: Mapping[str, Sequence[Array]]) -> Bound
     return BoundsSection(bool(found), run.manifest.get("clock") == "realtime", groups, flights)
 
 
-def _group(name: str, estimator: Mapping[str, Any], trial: Mapping[str, Any], delays: Sequence[Array]) -> BoundGroup:
+def _group(name: str, estimator: Mapping[str, Any], trial: Mapping[str, Any], ages: Sequence[Array]) -> BoundGroup:
     checks = estimator["checks"]
     limits = {check["bound"]: check["limit"] for check in checks}
-    all_delays = np.concatenate(delays) if delays else np.zeros(0)
+    all_ages = np.concatenate(ages) if ages else np.zeros(0)
     return BoundGroup(
-        name, 1e3 * trial["period"], 1e3 * trial["actuation_delay"] * trial["period"], _measured(all_delays, limits),
+        name, 1e3 * trial["period"], 1e3 * trial["actuation_delay"] * trial["period"], _measured(all_ages, limits),
         [_row(check) for check in checks], list(estimator["unknown"]),
     )  # fmt: skip
 
 
-def _measured(delays: Array, limits: Mapping[str, float]) -> MeasuredDelay | None:
-    if delays.size == 0:
+def _measured(ages: Array, limits: Mapping[str, float]) -> MeasuredDelay | None:
+    if ages.size == 0:
         return None
-    p50, p99, most = (1e3 * float(value) for value in np.percentile(delays, [50, 99, 100]))
-    shares = [float(np.mean(delays > limits.get(bound, math.inf))) for bound in ("delay_best", "delay_derived")]
+    p50, p99, most = (1e3 * float(value) for value in np.percentile(ages, [50, 99, 100]))
+    shares = [float(np.mean(ages > limits.get(bound, math.inf))) for bound in ("delay_best", "delay_derived")]
     return MeasuredDelay(p50, p99, most, *shares)
 
 

@@ -10,11 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from hilrig.certificate.durations import late_ticks
+from hilrig.certificate.table import Table, join
 from hilrig.experiment.expecting import ends_as_expected
 from hilrig.messages.codec import definition
 from hilrig.metrics._record import PhaseRecord
 from hilrig.recording.bag import read_bag
 from hilrig.recording.run_directory import (
+    ending,
     find_run,
     read_json,
     read_manifest,
@@ -22,10 +25,11 @@ from hilrig.recording.run_directory import (
     read_plan,
     trial_path,
 )
+from hilrig.recording.timing import terms_of
 from hilrig.signals import WRENCH_AXES, Array
 from hilrig.trial import TaskSpec, make_impedance
 
-CHANNELS = ("truth", "command", "internals", "driver_timing")
+CHANNELS = ("truth", "command", "internals", "driver_timing", "controller_timing")
 """The channels a report needs; instead of a truth that the driver does not know, what was measured"""
 
 Document = Mapping[str, Any]
@@ -68,6 +72,16 @@ class TrialEntry:
         """Whether it ran to its end and its record is whole"""
         return self.outcome["outcome"] == "completed"
 
+    @property
+    def ending(self) -> str:
+        """How it ended; "invalid" if it came to an end outside its timing budget"""
+        return ending(self.outcome)
+
+    @property
+    def counts(self) -> bool:
+        """Whether it is compared: it completed within its timing budget"""
+        return self.ending == "completed"
+
 
 @dataclass(frozen=True)
 class RunData:
@@ -94,7 +108,7 @@ class RunData:
     def as_expected(self, trial: TrialEntry) -> bool:
         """Return whether the experiment expects that this trial ends as it did."""
         expect = self.experiment.get("expect") or ()
-        return ends_as_expected(expect, trial.controller, trial.condition, trial.outcome["outcome"])
+        return ends_as_expected(expect, trial.controller, trial.condition, trial.ending)
 
 
 @dataclass(frozen=True)
@@ -154,7 +168,7 @@ def align(channels: Channels, document: Document) -> TrialSignals | None:
     axes = tuple(document["axes"])
     source = picked.get("truth", picked["internals"])
     wrench = picked[plant]["wrench"]
-    record = _record(picked, source, wrench, axes, document, _late(channels.get("driver_timing"), ticks))
+    record = _record(picked, source, wrench, axes, document, _late(channels, document, ticks))
     return TrialSignals(record, _memory(picked["internals"]), "truth" if "truth" in picked else "measurement")
 
 
@@ -166,11 +180,24 @@ def _pick(channel: dict[str, np.ndarray], ticks: np.ndarray) -> dict[str, np.nda
     return {name: values[rows] for name, values in channel.items()}
 
 
-def _late(timing: dict[str, np.ndarray] | None, ticks: np.ndarray) -> Array:
-    """Return 1.0 where the driver's timing says that the tick was late, else 0.0, (N,)."""
-    late = np.zeros(ticks.size)
-    if timing is not None and "late" in timing:
-        late[np.isin(ticks, timing["tick"][timing["late"] != 0])] = 1.0
+def timing_table(channels: Channels, one_clock: bool = True) -> Table | None:
+    """Return the stamps of a trial by tick; None if its bag has none, as that of a compiled trial."""
+    driver = channels.get("driver_timing")
+    # Bags of before every tick was stamped say no command's tick.
+    return (
+        None
+        if driver is None or "command" not in driver
+        else join(driver, channels.get("controller_timing"), one_clock)
+    )
+
+
+def _late(channels: Channels, document: Document, ticks: np.ndarray) -> Array:
+    """Return 1.0 where the driver's stamps say that the tick was late, else 0.0, (N,)."""
+    table, late = timing_table(channels), np.zeros(ticks.size)
+    if table is not None:
+        late[np.isin(ticks, table.driver.tick[late_ticks(table, terms_of(document))])] = 1.0
+    elif "late" in (before := channels.get("driver_timing", {})):
+        late[np.isin(ticks, before["tick"][before["late"] != 0])] = 1.0
     return late
 
 

@@ -3,7 +3,8 @@
 The rule. A limit on a metric holds if every repeat keeps it. A limit on the difference of two controllers holds if the
 95 % interval of the mean paired difference lies wholly within it (`comparison.paired_difference`, as for the marks of
 the verdict table). Either must hold on every axis and under every condition, unless one is named, and every trial that
-it speaks of must have completed. An outcome holds if it is that of every trial that it speaks of.
+it speaks of must have completed, within its timing budget. An outcome holds if it is that of every trial that it
+speaks of.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from hilrig.recording.run_directory import INVALID, reason
 from hilrig.report.comparison import LEAST_PAIRS, Difference, paired_difference
 from hilrig.report.dataset import TrialEntry
 
@@ -38,7 +40,7 @@ class Expected:
     """Where the value was seen, and what it rests on"""
     met: bool
     missing: int
-    """Trials without which its metric is not known, as they did not complete: with one missing it is not met"""
+    """Trials that did not complete or are invalid, without which its metric is not known: with one it is not met"""
     value: float | None
     """The value in the metric's unit, for a difference the mean; None if nothing was measured, or of an outcome"""
     low: float | None
@@ -84,7 +86,7 @@ def judge(
 ) -> list[Expected]:
     """Return each expectation, as plan.json has them, with the value that decides it.
 
-    `metrics` is the tidy table of the completed trials, `trials` are all that were planned.
+    `metrics` is the tidy table of the trials that count, `trials` are all that were planned.
     """
     return [
         _judge_outcome(item, trials) if item.get("outcome") else _judge_metric(item, metrics, trials)
@@ -96,8 +98,8 @@ def _judge_outcome(expectation: Mapping[str, Any], trials: Sequence[TrialEntry])
     """Judge how trials ended; shown is the first that ended otherwise, or if there is none the first of all."""
     wanted = expectation["outcome"]
     own = [trial for trial in trials if _speaks_of(expectation, trial)]
-    others = [trial for trial in own if trial.outcome["outcome"] != wanted]
-    counts = Counter(str(trial.outcome["outcome"]) for trial in own)
+    others = [trial for trial in own if trial.ending != wanted]
+    counts = Counter(trial.ending for trial in own)
     alone = len(counts) == 1
     return Expected(
         subject=f"outcome of {expectation['controller']}{_where(expectation)}",
@@ -113,7 +115,7 @@ def _ending(trial: TrialEntry, number: int) -> str:
     """Return which trial it is, of how many, and why and when it ended; of a failure where that is told."""
     outcome, first = trial.outcome, f", first of {number}" if number > 1 else ""
     # The text of a failure names files of this machine; the reason of a trip has its time.
-    why = "see its log" if outcome["outcome"] == "failed" else outcome.get("reason") or str(outcome["outcome"])
+    why = "see its log" if trial.ending == "failed" else reason(outcome) or trial.ending
     ticks = outcome.get("ticks", 0)
     when = "" if " at t = " in why or not ticks else f" at t = {ticks * trial.document['period']:.6g} s"
     return f"{trial.condition}: repeat {trial.repeat}{first}, {why}{when}"
@@ -127,9 +129,10 @@ def _judge_metric(expectation: Mapping[str, Any], metrics: pd.DataFrame, trials:
     second = expectation.get("minus")
     found = list(_differences(expectation, rows, limits, unit) if second else _values(expectation, rows))
     worst = max(found, key=lambda seen: limits.beyond(seen.low, seen.high), default=None)
-    missing = sum(not trial.completed and _speaks_of(expectation, trial) for trial in trials)
+    mine = [trial for trial in trials if _speaks_of(expectation, trial)]
+    missing = sum(not trial.counts for trial in mine)
     basis = [worst.basis] if worst else [] if missing else ["the metric has no value there"]
-    basis += [f"{missing} trial{'s' * (missing > 1)} not completed"] * (missing > 0)
+    basis += [_missing(mine)] * (missing > 0)
     return Expected(
         subject=_subject(expectation),
         limit=" and ".join(f"{word} {x:g} {unit}".strip() for word, x in limits._asdict().items() if x is not None),
@@ -141,6 +144,14 @@ def _judge_metric(expectation: Mapping[str, Any], metrics: pd.DataFrame, trials:
         low=worst.low if worst and second else None,
         high=worst.high if worst and second else None,
     )
+
+
+def _missing(trials: Sequence[TrialEntry]) -> str:
+    """Return how many of the trials are not measured, and why."""
+    invalid = sum(trial.ending == INVALID for trial in trials)
+    others = sum(not trial.counts for trial in trials) - invalid
+    counts = ((others, "not completed"), (invalid, "invalid (timing)"))
+    return ", ".join(f"{count} trial{'s' * (count > 1)} {what}" for count, what in counts if count)
 
 
 def _speaks_of(expectation: Mapping[str, Any], trial: TrialEntry) -> bool:

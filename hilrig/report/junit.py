@@ -10,6 +10,7 @@ import re
 from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
+from hilrig.recording.run_directory import reason
 from hilrig.report.dataset import RunData, TrialEntry
 from hilrig.report.expectations import Expected
 
@@ -20,7 +21,7 @@ _NOT_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U001
 def junit_xml(data: RunData, expected: Sequence[Expected]) -> str:
     """Return the run as JUnit XML: one test suite, failures where a trial or an expectation failed.
 
-    A trial that did not complete is no failure if the experiment expects just that.
+    A trial that did not complete is no failure if the experiment expects just that. One outside its timing budget is.
     """
     name = data.manifest["name"]
     cases = [_trial(name, trial, data.as_expected(trial)) for trial in data.trials] + [
@@ -38,9 +39,9 @@ def junit_xml(data: RunData, expected: Sequence[Expected]) -> str:
 
 def _trial(name: str, trial: TrialEntry, as_expected: bool) -> ET.Element:
     case = _case(f"{name}.trials", trial.id, trial.outcome.get("wall_s", 0.0))
-    if not trial.completed and not as_expected:
-        outcome = trial.outcome["outcome"]
-        _fail(case, outcome, f"{outcome}: {trial.outcome.get('reason', '')}")
+    if not trial.counts and not as_expected:
+        outcome = trial.ending
+        _fail(case, outcome, f"{outcome}: {reason(trial.outcome)}")
     return case
 
 

@@ -8,8 +8,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from hilrig.certificate.attribution import attribute
 from hilrig.errors import RunDirectoryError
 from hilrig.recording.run_directory import make_directory, write_json
+from hilrig.recording.timing import terms_of
 from hilrig.report.animation import animation
 from hilrig.report.bounds_section import bounds_section
 from hilrig.report.comparison import summarise, verdicts
@@ -20,6 +22,8 @@ from hilrig.report.measuring import Measured, measure_run
 from hilrig.report.page import Content, Shown, write_page
 from hilrig.report.panels import Drawn
 from hilrig.report.saving import save
+from hilrig.report.timing_figures import Stamped, lateness_figure, tail_figure
+from hilrig.report.timing_section import timing_section
 
 REPORTS = Path("reports")
 
@@ -45,7 +49,8 @@ def write_report(measured: Measured, out: Path | None = None) -> Path:
     judged = verdicts(metrics)
     content = Content(
         data, metrics, summarise(metrics), judged, measured.expected, _figures(measured, folder),
-        animation(_scene(measured), folder), measured.sources, folder, bounds_section(data, measured.loop_delays),
+        animation(_scene(measured), folder), measured.sources, folder, bounds_section(data, measured.command_ages),
+        timing_section(data), _timing_figures(measured, folder),
     )  # fmt: skip
     write_json(folder / "summary.json", _summary(content))
     return write_page(content)
@@ -65,11 +70,27 @@ def _figures(measured: Measured, folder: Path) -> dict[str, list[Shown]]:
     return shown
 
 
+def _timing_figures(measured: Measured, folder: Path) -> list[Shown]:
+    """Draw and save the figures of the certificate; none in lockstep."""
+    pictures = []
+    for condition, trials in measured.most_late.items():
+        kept = {
+            name: (trial, measured.kept[trial.id].table) for name, trial in trials.items() if trial.id in measured.kept
+        }
+        stamped = {
+            name: Stamped(trial, table, attribute(table, terms_of(trial.document)))
+            for name, (trial, table) in kept.items() if table is not None
+        }  # fmt: skip
+        pictures += [lateness_figure(condition, stamped)] if stamped else []
+    all_trials = tail_figure(measured.data.trials, measured.data.controllers)
+    return [save(picture, "certificate", folder) for picture in (*pictures, *([all_trials] if all_trials else []))]
+
+
 def _scene(measured: Measured) -> tuple[TrialEntry, Any] | None:
-    """Return the trial to animate, the first that is drawn and completed, with its joint positions."""
+    """Return the trial to animate, the first that is drawn and compared, with its joint positions."""
     for trials in measured.drawn.values():
         for trial in trials.values():
-            if trial.completed and trial.id in measured.kept:
+            if trial.counts and trial.id in measured.kept:
                 return trial, measured.kept[trial.id].joints
     return None
 
@@ -82,9 +103,10 @@ def _summary(content: Content) -> dict[str, Any]:
         for cell, verdict in content.verdicts.items()
     ]
     values = json.loads(content.summary.to_json(orient="records") or "[]")
-    outcomes = [{"trial": trial.id, **trial.outcome} for trial in data.trials]
+    outcomes = [{"trial": trial.id, **trial.outcome, "ending": trial.ending} for trial in data.trials]
     return {
         "name": data.manifest.get("name"), "question": data.experiment.get("question"), "verdicts": cells,
         "values": values, "expectations": [vars(item) for item in content.expected],
-        "bounds": dataclasses.asdict(content.bounds), "outcomes": outcomes,
+        "bounds": dataclasses.asdict(content.bounds), "timing": dataclasses.asdict(content.timing),
+        "outcomes": outcomes,
     }  # fmt: skip

@@ -10,10 +10,12 @@ from typing import Any
 
 import pandas as pd
 
+from hilrig.certificate.durations import command_age
+from hilrig.certificate.table import NS, Table
 from hilrig.recording.run_directory import DAMAGED
-from hilrig.report.dataset import RunData, TrialEntry, TrialSignals, align, load_run, read_channels
+from hilrig.recording.timing import terms_of
+from hilrig.report.dataset import RunData, TrialEntry, TrialSignals, align, load_run, read_channels, timing_table
 from hilrig.report.expectations import Expected, judge
-from hilrig.report.loop_delay import loop_delays
 from hilrig.report.measures import all_metrics, measure, table
 from hilrig.signals import Array
 
@@ -28,6 +30,8 @@ class Kept:
     signals: TrialSignals
     joints: Any
     """Joint positions, (N, n) rad"""
+    table: Table | None
+    """Its ticks' stamps, in real time; None if it has none"""
 
 
 @dataclass(frozen=True)
@@ -36,15 +40,17 @@ class Measured:
 
     data: RunData
     metrics: pd.DataFrame
-    """The tidy table of the completed trials"""
+    """The tidy table of the trials that count"""
     expected: list[Expected]
     sources: list[str]
     """Where positions and forces come from: "truth", "measurement" or both; empty if no trial left a usable bag"""
     drawn: Drawn
+    most_late: Drawn
+    """The repeats with the most late ticks, whose lateness is drawn; empty in lockstep"""
     kept: Mapping[str, Kept]
-    """By trial id, of those in `drawn` that left a usable bag"""
-    loop_delays: Mapping[str, list[Array]]
-    """By controller, of each completed trial in real time, (K,) s; in lockstep they are what was set"""
+    """By trial id, of those in `drawn` and `most_late` that left a usable bag"""
+    command_ages: Mapping[str, list[Array]]
+    """By controller, of each trial in real time that counts, (K,) s; in lockstep the delay is what was set"""
 
 
 @dataclass(frozen=True)
@@ -52,18 +58,20 @@ class _Read:
     rows: list[tuple[Any, ...]]
     source: str
     kept: Kept | None
-    loop_delays: Array | None
+    command_ages: Array | None
 
 
 def measure_run(run: Path, to_draw: bool = False) -> Measured:
-    """Measure the completed trials of a run, and judge what was expected of them; keep signals if they are `to_draw`.
+    """Measure the trials of a run that count, and judge what was expected of them; keep signals if they are `to_draw`.
 
     Writes metrics.csv into the run directory, unless a record has been damaged since, or the run can only be read.
     Raises RunDirectoryError if `run` is not one.
     """
     data = load_run(run)
     drawn = _first_repeats(data) if to_draw else {}
-    reads = _read_all(data, {trial.id for trials in drawn.values() for trial in trials.values()})
+    most_late = _most_late(data) if to_draw else {}
+    shown = (trials.values() for trials in (*drawn.values(), *most_late.values()))
+    reads = _read_all(data, {trial.id for some in shown for trial in some})
     metrics = table([row for read in reads.values() for row in read.rows])
     if reads and os.access(run, os.W_OK) and not any(trial.outcome["outcome"] == DAMAGED for trial in data.trials):
         metrics.to_csv(run / "metrics.csv", index=False)
@@ -73,23 +81,24 @@ def measure_run(run: Path, to_draw: bool = False) -> Measured:
         expected=judge(data.experiment.get("expect") or [], metrics, data.trials),
         sources=sorted({read.source for read in reads.values()}),
         drawn=drawn,
+        most_late=most_late,
         kept={name: read.kept for name, read in reads.items() if read.kept is not None},
-        loop_delays=_loop_delays(data, reads),
+        command_ages=_command_ages(data, reads),
     )
 
 
-def _loop_delays(data: RunData, reads: Mapping[str, _Read]) -> dict[str, list[Array]]:
+def _command_ages(data: RunData, reads: Mapping[str, _Read]) -> dict[str, list[Array]]:
     found: dict[str, list[Array]] = {}
     for trial in data.trials:
-        if trial.completed and trial.id in reads and (delays := reads[trial.id].loop_delays) is not None:
-            found.setdefault(trial.controller, []).append(delays)
+        if trial.counts and trial.id in reads and (ages := reads[trial.id].command_ages) is not None:
+            found.setdefault(trial.controller, []).append(ages)
     return found
 
 
 def _first_repeats(data: RunData) -> Drawn:
-    """Return the first completed repeat of each condition and controller, or its first at all."""
+    """Return the first repeat that counts of each condition and controller, or its first at all."""
     chosen: dict[str, dict[str, TrialEntry]] = {condition: {} for condition in data.conditions}
-    for trial in sorted(data.trials, key=lambda trial: (not trial.completed, trial.repeat)):
+    for trial in sorted(data.trials, key=lambda trial: (not trial.counts, trial.repeat)):
         chosen[trial.condition].setdefault(trial.controller, trial)
     return {
         condition: {name: trials[name] for name in data.controllers if name in trials}
@@ -97,9 +106,21 @@ def _first_repeats(data: RunData) -> Drawn:
     }
 
 
+def _most_late(data: RunData) -> Drawn:
+    """Return the repeat in real time with the most late ticks, of each condition and controller."""
+    chosen: dict[str, dict[str, TrialEntry]] = {}
+    for trial in sorted(data.trials, key=lambda trial: (-trial.timing.get("late", 0), trial.repeat)):
+        if trial.timing.get("ticks") and terms_of(trial.document).realtime:
+            chosen.setdefault(trial.condition, {}).setdefault(trial.controller, trial)
+    return {
+        condition: {name: chosen[condition][name] for name in data.controllers if name in chosen[condition]}
+        for condition in data.conditions if condition in chosen
+    }  # fmt: skip
+
+
 def _read_all(data: RunData, kept: Collection[str]) -> dict[str, _Read]:
     """Read the bags one after the other; return what they hold, by trial id, of each trial that left something."""
-    reads = {t.id: _read(t, t.id in kept) for t in data.trials if t.completed or t.id in kept}
+    reads = {t.id: _read(t, t.id in kept) for t in data.trials if t.counts or t.id in kept}
     return {name: read for name, read in reads.items() if read is not None}
 
 
@@ -108,9 +129,9 @@ def _read(trial: TrialEntry, keep: bool) -> _Read | None:
     signals = align(channels, trial.document)
     if signals is None:
         return None
-    rows = measure(trial, signals, all_metrics()) if trial.completed else []
+    rows = measure(trial, signals, all_metrics()) if trial.counts else []
     joints = channels["truth" if "truth" in channels else "state"]["joint_position"]
-    delays = None
-    if trial.document.get("clock") == "realtime" and "driver_timing" in channels:
-        delays = loop_delays(channels["driver_timing"], trial.document["actuation_delay"])
-    return _Read(rows, signals.source, Kept(signals, joints) if keep else None, delays)
+    realtime = terms_of(trial.document).realtime
+    stamps = timing_table(channels, trial.timing.get("one_clock", True)) if realtime else None
+    ages = None if stamps is None else command_age(stamps) / NS
+    return _Read(rows, signals.source, Kept(signals, joints, stamps) if keep else None, ages)

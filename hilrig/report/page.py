@@ -8,18 +8,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 from jinja2 import Environment, StrictUndefined
 
 from hilrig.experiment.expecting import ended_early
-from hilrig.recording.run_directory import messages_lost
+from hilrig.recording.run_directory import INVALID, reason
 from hilrig.report.bounds_section import BoundsSection
 from hilrig.report.comparison import Verdict
-from hilrig.report.dataset import RunData, TrialEntry
+from hilrig.report.dataset import RunData
 from hilrig.report.expectations import Expected
 from hilrig.report.measures import all_metrics
+from hilrig.report.timing_section import TimingSection
 from hilrig.report.verdict_table import Cell, answer, verdict_tables
 
 STYLE = resources.files("hilrig.report").joinpath("page.css").read_text("utf-8")
@@ -56,6 +56,8 @@ class Content:
     folder: Path
     """Where the report goes"""
     bounds: BoundsSection
+    timing: TimingSection
+    timing_figures: list[Shown]
 
 
 def write_page(content: Content) -> Path:
@@ -69,6 +71,7 @@ def render_page(content: Content) -> str:
     """Return the page as HTML."""
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     environment.filters["number"] = number
+    environment.filters["reason"] = reason
     template = environment.from_string(resources.files("hilrig.report").joinpath("page.html.j2").read_text("utf-8"))
     run, manifest = content.run, content.run.manifest
     return template.render(
@@ -79,9 +82,10 @@ def render_page(content: Content) -> str:
         run_name=run.path.resolve().name,
         question=run.experiment.get("question") or manifest.get("question") or "No question was asked",
         answer=_answer(content),
-        completed=[trial for trial in run.trials if trial.completed],
-        excluded=[trial for trial in run.trials if not trial.completed],
-        early=ended_early([trial.outcome["outcome"] for trial in run.trials if run.as_expected(trial)]),
+        completed=[trial for trial in run.trials if trial.counts],
+        excluded=[trial for trial in run.trials if not trial.counts],
+        early=ended_early([trial.ending for trial in run.trials if run.as_expected(trial)]),
+        invalid=[trial for trial in run.trials if trial.ending == INVALID],
         repeats=len({trial.repeat for trial in run.trials}),
         expected=content.expected,
         sources=content.sources,
@@ -89,7 +93,8 @@ def render_page(content: Content) -> str:
         figures=content.figures,
         animation=content.animation,
         bounds=content.bounds,
-        timing=[_timing(trial) for trial in run.trials],
+        timing=content.timing,
+        timing_figures=content.timing_figures,
         repeat_command=manifest.get("command", "not recorded"),
         definitions=[(kind, inspect.getdoc(type(metric)) or "") for kind, metric in all_metrics().items()],
     )
@@ -98,24 +103,10 @@ def render_page(content: Content) -> str:
 def _answer(content: Content) -> list[str]:
     """Return the answer's sentences; one that says so if there is nothing to answer with."""
     if not content.verdicts:
-        return ["No trial completed: there is nothing to compare."]
+        invalid = any(trial.ending == INVALID for trial in content.run.trials)
+        none = "No trial completed within its timing budget" if invalid else "No trial completed"
+        return [f"{none}: there is nothing to compare."]
     return answer(content.verdicts, content.summary, content.run.controllers)
-
-
-def _timing(trial: TrialEntry) -> dict[str, Any]:
-    """Return one row of the timing table; None for what is not known."""
-    outcome, timing = trial.outcome, trial.timing
-    return {
-        "trial": trial.id,
-        "outcome": outcome["outcome"],
-        "ticks": outcome.get("ticks"),
-        "speed": outcome.get("speed"),
-        "late": timing.get("late"),
-        "lateness": timing.get("lateness_us"),
-        "round_trip": timing.get("round_trip_us"),
-        "compute": timing.get("compute_us"),
-        "lost": messages_lost(outcome),
-    }
 
 
 def number(value: float | None, digits: int = 3) -> str:

@@ -161,7 +161,7 @@ def canvas(
 
 
 def mark_phases(axes: Axes, drawn: Drawn) -> None:
-    """Mark where phases begin, and where a trial that did not complete ended."""
+    """Mark where phases begin, and where a trial ended that is not compared."""
     for phase in drawn.phases:
         if phase["start"] < drawn.end:
             axes.annotate(phase["name"], (phase["start"], 1.0), xycoords=("data", "axes fraction"), xytext=(3, 2),
@@ -169,9 +169,9 @@ def mark_phases(axes: Axes, drawn: Drawn) -> None:
         if 0 < phase["start"] < drawn.end:
             axes.axvline(phase["start"], color=QUIET, linewidth=0.6, linestyle=(0, (2, 2)))
     looks = styles(drawn.controllers)
-    early = {name: signals for name, (trial, signals) in drawn.trials.items() if not trial.completed}
+    early = {name: signals for name, (trial, signals) in drawn.trials.items() if not trial.counts}
     for row, (name, signals) in enumerate(early.items()):
-        ended, outcome = float(signals.record.time[-1]), drawn.trials[name][0].outcome["outcome"]
+        ended, outcome = float(signals.record.time[-1]), drawn.trials[name][0].ending
         axes.axvline(ended, color=looks[name].colour, linewidth=0.8, zorder=40)
         # Each mark in a row of its own, towards the middle: none lies on another, none leaves the panel.
         side = 1 if ended <= 0.6 * drawn.end else -1

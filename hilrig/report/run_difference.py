@@ -17,13 +17,13 @@ KEY = ["controller", *CELL]
 
 
 def run_metrics(run: RunData) -> pd.DataFrame:
-    """Return the metrics of a run's completed trials: its metrics.csv, or measured now if it has none."""
+    """Return the metrics of a run's trials that count: its metrics.csv, or measured now if it has none."""
     stored = run.path / "metrics.csv"
     if stored.exists():
         return read_table(stored)
     metrics, rows = all_metrics(), []
     for trial in run.trials:
-        signals = read_signals(trial) if trial.completed else None
+        signals = read_signals(trial) if trial.counts else None
         rows += measure(trial, signals, metrics) if signals else []
     return table(rows)
 

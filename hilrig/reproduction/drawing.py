@@ -145,10 +145,10 @@ def _mark(axes: Axes, trials: Trials, everyone: tuple[str, ...]) -> None:
     for phase in next(iter(trials.values()))[0].document["phases"][1:]:
         axes.axvline(phase["start"], color=QUIET, linewidth=0.5, linestyle=(0, (2, 2)), zorder=1)
     for name, (trial, signals) in trials.items():
-        if not trial.completed:
+        if not trial.counts:
             ended = float(signals.record.time[-1])
             axes.axvline(ended, color=looks[name].colour, linewidth=0.8, zorder=40)
-            axes.annotate(f"{name} {trial.outcome['outcome']}", (ended, 0.02), xycoords=("data", "axes fraction"),
+            axes.annotate(f"{name} {trial.ending}", (ended, 0.02), xycoords=("data", "axes fraction"),
                           xytext=(3, 2), textcoords="offset points", fontsize=6, color=looks[name].colour)  # fmt: skip
 
 

@@ -135,9 +135,9 @@ def _values(part: Part, tables: Tables) -> tuple[dict[int, float], str]:
 def _missing(part: Part, tables: Tables, trials: Trials) -> str:
     """Return why there are few values or none: trials that did not complete, or an axis without the metric."""
     mine = [t for t in trials[part.experiment] if (t.controller, t.condition) == (part.controller, part.condition)]
-    lost = [trial for trial in mine if not trial.completed]
+    lost = [trial for trial in mine if not trial.counts]
     if lost:
-        outcomes = ", ".join(dict.fromkeys(str(trial.outcome["outcome"]) for trial in lost))
+        outcomes = ", ".join(dict.fromkeys(trial.ending for trial in lost))
         return f"{len(lost)} of {len(mine)} trials of {part.controller} did not complete ({outcomes})"
     table = tables[part.experiment]
     axes = dict.fromkeys(str(axis) for axis in table.loc[table["metric"] == part.metric, "axis"])

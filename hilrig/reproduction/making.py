@@ -49,7 +49,7 @@ class Made:
     expected: dict[str, list[Expected]]
     """What each experiment expects of itself, by its name"""
     ended_well: bool
-    """Whether every trial completed, or ended as expected"""
+    """Whether every trial completed and counts, or ended as expected"""
 
     @property
     def expectations(self) -> int:
@@ -81,7 +81,7 @@ def make_reproduction(
     _all_metrics(tables).to_csv(out / "metrics.csv", index=False, float_format=DIGITS)
     write_json(out / "summary.json", summary(loaded, judged, expected, data, overrides))
     write_pages(Page(loaded, judged, pictures, expected, data, command, tuple(overrides)), out)
-    return Made(judged, expected, all(t.completed or run.as_expected(t) for run in data.values() for t in run.trials))
+    return Made(judged, expected, all(t.counts or run.as_expected(t) for run in data.values() for t in run.trials))
 
 
 def _all_metrics(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -110,7 +110,7 @@ def _read(study: Study, name: str, data: RunData, each: Each) -> _Read:
     wanted = {part.metric for claim in study.claims for part in claim.parts if part.experiment == name}
     memory = sorted(metric for metric in wanted if memory_field(metric) is not None)
     shown = {trial.id for spec in study.figures if spec.experiment == name for trial in _drawn(spec, data)}
-    needed = [trial for trial in data.trials if trial.completed or trial.id in shown]
+    needed = [trial for trial in data.trials if trial.counts or trial.id in shown]
     found = list(each(partial(_read_trial, memory, shown), needed))
     drawn = {t.id: (t, signals) for t, (_, signals) in zip(needed, found, strict=True) if signals is not None}
     return _Read(data, table([row for rows, _ in found for row in rows]), drawn)
@@ -123,14 +123,14 @@ def _read_trial(
     signals = read_signals(trial)
     if signals is None:
         return [], None
-    rows = measure_all(trial, signals, all_metrics(), memory) if trial.completed else []
+    rows = measure_all(trial, signals, all_metrics(), memory) if trial.counts else []
     return rows, signals if trial.id in shown else None
 
 
 def _drawn(spec: FigureSpec, data: RunData) -> list[TrialEntry]:
     """Return which trials a figure shows: of each controller the first completed repeat, or the first at all."""
     chosen: dict[str, TrialEntry] = {}
-    for trial in sorted(data.trials, key=lambda trial: (not trial.completed, trial.repeat)):
+    for trial in sorted(data.trials, key=lambda trial: (not trial.counts, trial.repeat)):
         if trial.condition == spec.condition and trial.controller in spec.controllers:
             chosen.setdefault(trial.controller, trial)
     return [chosen[name] for name in spec.controllers if name in chosen]

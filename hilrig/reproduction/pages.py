@@ -59,7 +59,7 @@ def _render(page: Page, name: str, escape: bool) -> str:
     environment.filters["cell"] = _cell
     environment.filters["reason"] = reason
     template = environment.from_string(resources.files("hilrig.reproduction").joinpath(name).read_text("utf-8"))
-    lost = [(name, trial) for name, run in page.runs.items() for trial in run.trials if not trial.completed]
+    lost = [(name, trial) for name, run in page.runs.items() for trial in run.trials if not trial.counts]
     expectations = [(name, item) for name, items in page.expected.items() for item in items]
     return template.render(
         page=page, study=page.loaded.study, counts=counts(page.judged), style=STYLE, lost=lost,

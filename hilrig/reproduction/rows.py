@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hilrig.experiment.expecting import ended_early
+from hilrig.recording.run_directory import reason as ended_because
 from hilrig.report.dataset import RunData, TrialEntry
 from hilrig.report.expectations import Expected
 from hilrig.reproduction.evidence import Judged
@@ -48,10 +49,10 @@ def summary(
     experiments = [
         {
             "name": name, "question": experiment.question, "trials": len(runs[name].trials),
-            "completed": sum(trial.completed for trial in runs[name].trials),
-            "not_completed": [{"trial": trial.id, "outcome": trial.outcome["outcome"], "reason": reason(trial),
+            "completed": sum(trial.counts for trial in runs[name].trials),
+            "not_completed": [{"trial": trial.id, "outcome": trial.ending, "reason": reason(trial),
                                "as_expected": runs[name].as_expected(trial)}
-                              for trial in runs[name].trials if not trial.completed],
+                              for trial in runs[name].trials if not trial.counts],
         }
         for name, experiment in loaded.experiments.items()
     ]  # fmt: skip
@@ -88,10 +89,10 @@ def counts(judged: Sequence[Judged]) -> dict[str, int]:
 
 def reason(trial: TrialEntry) -> str:
     """Return why a trial did not complete; of a failure only that it failed, since its text names files."""
-    return "see its log" if trial.outcome["outcome"] == "failed" else str(trial.outcome.get("reason", ""))
+    return "see its log" if trial.ending == "failed" else ended_because(trial.outcome)
 
 
 def ended(run: RunData) -> str:
     """Return how many trials of a run completed, and how many others ended as expected."""
-    early = ended_early([trial.outcome["outcome"] for trial in run.trials if run.as_expected(trial)])
-    return f"{sum(trial.completed for trial in run.trials)} of {len(run.trials)}{early}"
+    early = ended_early([trial.ending for trial in run.trials if run.as_expected(trial)])
+    return f"{sum(trial.counts for trial in run.trials)} of {len(run.trials)}{early}"

@@ -22,7 +22,7 @@ from hilrig.interfaces import is_fault
 from hilrig.plan.margins import margins
 from hilrig.plugins import name_of
 from hilrig.recording.manifest import provenance
-from hilrig.recording.run_directory import create_run, trial_directory, write_json
+from hilrig.recording.run_directory import create_run, ending, read_outcome, trial_directory, write_json
 from hilrig.rig.in_process import run_in_process
 from hilrig.rig.live import IN_PROCESS, ON_BUS, Live
 from hilrig.rig.outcome import Outcome
@@ -165,8 +165,9 @@ class _Work:
         finally:
             self._slots.put(slot)
         write_json(trial_directory(self._run, trial.id) / "outcome.json", outcome.document())
-        expected = ends_as_expected(self._expect, trial.controller_name, trial.condition_name, outcome.outcome)
-        if not outcome.completed and not expected:
+        ended = ending(read_outcome(self._run, trial.id))
+        expected = ends_as_expected(self._expect, trial.controller_name, trial.condition_name, ended)
+        if ended != "completed" and not expected:
             self._failed.set()
         self._listener.ended(trial, outcome)
         return outcome

@@ -15,7 +15,7 @@ from hilrig.messages.codec import Codec
 from hilrig.messages.layouts import definitions, layouts
 from hilrig.recording.recorder import TIMING, Recorder
 from hilrig.recording.run_directory import trial_directory, write_json
-from hilrig.recording.timing import summarise
+from hilrig.recording.timing import budget_of, summarise, terms_of
 from hilrig.rig.channels import NAMES, Sheets
 from hilrig.rig.clock import PROGRESS, Pacer
 from hilrig.rig.halves import internals, write
@@ -136,6 +136,7 @@ def run_in_process(
     codecs = layouts(trial.driver.robot.joints, len(trial.axes), memory)
     plant, control = PlantSide(trial), ControlSide(trial)
     began = time.monotonic()
+    document = trial.to_document()
     with Recorder(directory, trial.period, definitions(memory)) as recorder:
         wire = DirectWire(trial, control, recorder, codecs, report, stop)
         try:
@@ -144,7 +145,7 @@ def run_in_process(
             plant.close()
             wire.end()
         summary = recorder.summary()
-        timing = summarise(trial.clock, recorder.timing())
+        timing = summarise(terms_of(document), budget_of(document), recorder.timing())
         write_json(directory / "timing.json", {**timing, "loop_s": round(wire.loop_s, 4)})
     return Outcome.of(trial, *ending, time.monotonic() - began, summary)
 

@@ -9,7 +9,7 @@ from hilrig.errors import Stopped
 from hilrig.messages.layouts import definitions
 from hilrig.recording.recorder import Recorder
 from hilrig.recording.run_directory import read_trial_document, trial_path, write_json
-from hilrig.recording.timing import summarise
+from hilrig.recording.timing import budget_of, summarise, terms_of
 from hilrig.rig.bus import Inbox
 from hilrig.rig.channels import NAMES, unpack_parcel
 from hilrig.rig.child import Child, main
@@ -29,7 +29,8 @@ def work(child: Child) -> None:
         except Stopped:
             record_rest(parcels, recorder, views)
         views.end()
-        write_json(directory / "timing.json", summarise(trial["clock"], recorder.timing()))
+        timing = summarise(terms_of(trial), budget_of(trial), recorder.timing(), order["setup"])
+        write_json(directory / "timing.json", timing)
         summary = recorder.summary()
     child.tell("done", channels=summary)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from pathlib import Path
 
@@ -14,9 +13,6 @@ from report_builders import make_run
 from hilrig.report import make_report
 from hilrig.report.bounds_section import bounds_section
 from hilrig.report.dataset import load_run
-from hilrig.report.loop_delay import loop_delays
-
-MS = 1_000_000
 
 
 def check(bound: str, value: float | None, must: str, limit: float, kept: bool, unit: str = "s") -> dict:
@@ -52,7 +48,7 @@ def run(tmp_path: Path) -> Path:
 
 def section_of(page: Path) -> str:
     text = page.read_text(encoding="utf-8")
-    return text[text.index("<h2>Bounds</h2>") : text.index("<h2>Timing and record</h2>")]
+    return text[text.index("<h2>Bounds</h2>") : text.index("<h2>Timing</h2>")]
 
 
 def test_the_section_shows_values_limits_and_words(run: Path, tmp_path: Path) -> None:
@@ -89,28 +85,3 @@ def test_measured_delays_are_told_in_milliseconds_and_against_both_bounds(run: P
     assert group.measured is not None
     assert (group.measured.p50, group.measured.max) == pytest.approx((0.75, 5.0))
     assert (group.measured.over, group.measured.over_paper) == pytest.approx((0.1, 0.5))
-
-
-def timing(woke: list[float], received: list[float], late: list[int], first: int = 0) -> dict[str, np.ndarray]:
-    ticks = np.arange(first, first + len(woke))
-    stamps = {
-        name: (np.array(values) * MS).astype(np.int64) for name, values in (("woke", woke), ("received", received))
-    }
-    return {"tick": ticks, **stamps, "late": np.array(late)}
-
-
-def test_the_loop_delay_runs_from_the_measurement_that_the_command_answers() -> None:
-    """d = 1: tick 1 acts on tick 0; tick 2 is one late and acts on tick 0 again; tick 3 acts on tick 2."""
-    found = loop_delays(timing([0, 1, 2, 3.5], [0.1, 1.1, 2.1, 3.7], [0, 0, 1, 0]), 1)
-    assert found * 1e3 == pytest.approx([1.1, 2.1, 1.7])
-
-
-def test_a_record_that_lacks_the_measurement_tells_nothing_of_it() -> None:
-    assert loop_delays(timing([5, 6], [5.1, 6.2], [0, 0], first=5), 1) * 1e3 == pytest.approx([1.2])
-    assert loop_delays(timing([5], [5.1], [3], first=5), 1).size == 0
-
-
-def test_without_delay_the_command_acts_in_its_own_period() -> None:
-    found = loop_delays(timing([0, 1], [0.3, 1.4], [0, 0]), 0)
-    assert found * 1e3 == pytest.approx([0.3, 0.4])
-    assert math.isclose(found.max(), 0.4e-3)

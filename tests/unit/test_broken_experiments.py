@@ -54,6 +54,11 @@ BROKEN: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "python tag": ("1 ms", "§!!python/object:os.system x", ("tag", "plain data")),
     "merge key": ("{kind: pd}", "{§<<: {kind: pd}}", ("merge keys", "<<")),
     "key that is a list": ("{kind: pd}", "{kind: pd, §[a]: 1}", ("a key must be a single word",)),
+    # timing budget
+    "age that no command can have": ("controllers:", "timing: {command_age_p99: §0.9 ms}\ncontrollers:", ("0.9 ms can never be kept", "a period of 1 ms", "give more than that")),
+    "share of late ticks": ("controllers:", "timing: {late_fraction: §150 %}\ncontrollers:", ("'150 %' is not allowed", "from 0 to 1")),
+    "share with a unit": ("controllers:", "timing: {late_fraction: §1 ms}\ncontrollers:", ("'1 ms' is a time", "a pure number")),
+    "unknown budget": ("controllers:", "timing: {§late_fracton: 1 %}\ncontrollers:", ("'late_fracton'", "did you mean 'late_fraction'")),
     # keys
     "unknown key": ("period:", "§perod:", ("'perod'", "did you mean 'period'", "allowed", "repeats")),
     "unknown parameter": ("{kind: pd}", "{kind: pd, §stifness: 3}", ("'stifness'", "'stiffness'", "damping")),

@@ -129,6 +129,11 @@ OVERRIDES: list[tuple[str, Any]] = [
     ("controllers.pd={kind: adaptive}", lambda e: type(e.controllers["pd"]).__name__ == "Adaptive"),
     ("phases.second.duration=5 s", lambda e: e.phases[1].duration == 5.0),
     ("phases.1.duration=5 s", lambda e: e.phases[1].duration == 5.0),
+    (
+        "timing={late_fraction: 2 %, command_age_p99: 1.2 ms}",
+        lambda e: e.timing.late_fraction == 0.02 and e.timing.command_age_limit(1e-3, 1) == 1.2e-3,
+    ),
+    ("timing.late_fraction=0.01", lambda e: e.timing.late_fraction == 0.01),
     ("safety.tip_force=50 N", lambda e: e.safety.tip_force == 50.0 and e.safety.joint_velocity == 20.0),
     ("task.impedance.states=reference", lambda e: e.task.impedance.states == "reference"),
     ("conditions={a: []}", lambda e: dict(e.conditions) == {"a": ()}),

@@ -1,63 +1,80 @@
+"""timing.json: what it says of a trial, from the stamps of a loop that was simulated."""
+
 from __future__ import annotations
+
+import json
 
 import numpy as np
 import pytest
+from builders import trial
+from loop_simulation import MS, Loop, Stall
 
-from hilrig.messages.codec import Codec, definition
-from hilrig.recording.timing import quantiles, summarise
+from hilrig.certificate.budget import Budget
+from hilrig.certificate.durations import Terms
+from hilrig.certificate.table import Columns
+from hilrig.recording.timing import QUANTITIES, budget_of, summarise, terms_of
+from hilrig.trial import TimingBudget, Trial
 
-MICRO = 1000
-
-
-def payload(name: str, first: int, **columns: list[int]) -> bytes:
-    form = definition(name)
-    size = len(next(iter(columns.values())))
-    values = [np.array(columns[field.name], dtype=np.int64) for field in form.fields[1:]]
-    return Codec(form, {field.name: size for field in form.fields[1:]}).pack((first, *values))
+TERMS, BUDGET = Terms("realtime", 1e-3, 1), Budget(0.005, 1.25e-3)
 
 
-def driver(first: int, late: list[int], wait: int, trip: int) -> bytes:
-    """Ticks of 1 ms that were woken `wait` us after due and had their command `trip` us after publishing."""
-    due = [(first + k) * 1000 * MICRO for k in range(len(late))]
-    published = [d + wait * MICRO + 5 * MICRO for d in due]
-    return payload(
-        "DriverTiming", first, due=due, woke=[d + wait * MICRO for d in due], published=published,
-        received=[p + trip * MICRO for p in published], late=late,
-    )  # fmt: skip
+def channels(*stalls: Stall, ticks: int = 200) -> dict[str, Columns]:
+    return dict(zip(("driver_timing", "controller_timing"), Loop(list(stalls), ticks).run().columns(), strict=True))
 
 
-def controller(first: int, compute: list[int]) -> bytes:
-    received = [k * 1000 * MICRO for k in range(len(compute))]
-    computed = [r + c * MICRO for r, c in zip(received, compute, strict=True)]
-    return payload(
-        "ControllerTiming", first, ticks=list(range(first, first + len(compute))), received=received, computed=computed,
-        published=[c + 9 * MICRO for c in computed],
-    )  # fmt: skip
+def test_a_good_trial_is_valid() -> None:
+    timing = summarise(TERMS, BUDGET, channels())
+    assert (timing["clock"], timing["ticks"], timing["late"], timing["late_fraction"]) == ("realtime", 200, 0, 0.0)
+    assert (timing["valid"], timing["invalid_because"], timing["one_clock"]) == (True, [], True)
+    assert timing["budget"] == {"late_fraction": 0.005, "command_age_p99": 1.25e-3}
+    assert timing["compute_us"]["p50"] == pytest.approx(120, rel=0.1)
+    assert timing["command_age_us"]["p50"] == pytest.approx(1035, rel=0.01)
+    assert json.loads(json.dumps(timing)) == timing, "plain data"
 
 
-def test_every_figure_is_from_its_own_stamps() -> None:
-    batches = {
-        "driver_timing": [driver(0, [0, 1, 3], 20, 150), driver(3, [0], 20, 150)],
-        "controller_timing": [controller(0, [40, 40, 40])],
-    }
-    timing = summarise("realtime", batches)
-    assert (timing["clock"], timing["ticks"], timing["late"], timing["late_fraction"]) == ("realtime", 4, 2, 0.5)
-    assert timing["lateness_us"] == {"p50": 20.0, "p99": 20.0, "p99.9": 20.0, "max": 20.0}
-    assert timing["round_trip_us"]["p50"] == 150.0
-    assert timing["compute_us"]["max"] == 40.0
+def test_a_late_trial_says_through_whom_and_why_it_is_invalid() -> None:
+    timing = summarise(
+        TERMS, BUDGET, channels(Stall("controller_compute", 50, int(2.4 * MS)), Stall("state_loss", 90, 0))
+    )
+    assert timing["late_by"] == {"driver": 0, "transport": 1, "controller": 2, "unknown": 0}
+    assert (timing["late"], timing["late_fraction"], timing["valid"]) == (3, 0.015, False)
+    assert timing["invalid_because"][0] == "late ticks 1.5 %, at most 0.5 %"
 
 
-def test_lockstep_has_no_lateness() -> None:
-    assert summarise("lockstep", {"driver_timing": [driver(0, [0], 20, 150)]})["lateness_us"] is None
+def test_every_histogram_counts_every_value() -> None:
+    stamps = channels()
+    timing = summarise(TERMS, BUDGET, stamps)
+    assert set(timing["histograms"]) == set(QUANTITIES)
+    lateness = np.sort(stamps["driver_timing"]["woke"] - stamps["driver_timing"]["due"])
+    bins = timing["histograms"]["lateness"]
+    spread = np.concatenate([np.full(count, edge) for edge, count in bins])
+    assert spread.size == 200
+    assert np.all(spread <= lateness)
+    assert np.all(lateness <= spread * (1 + 1 / 64) + 1)
 
 
-def test_nothing_recorded_is_said_to_be_nothing() -> None:
-    timing = summarise("realtime", {})
-    assert (timing["ticks"], timing["late"], timing["late_fraction"]) == (0, 0, 0.0)
-    assert timing["round_trip_us"] is None
-    assert timing["compute_us"] is None
+def test_lockstep_has_nothing_to_keep() -> None:
+    timing = summarise(TERMS._replace(clock="lockstep"), BUDGET, channels(Stall("driver_publish", 50, 9 * MS)))
+    assert (timing["late"], timing["valid"], timing["invalid_because"], timing["lateness_us"]) == (0, None, [], None)
+    assert "lateness" not in timing["histograms"]
 
 
-def test_quantiles_are_in_microseconds() -> None:
-    found = quantiles(np.arange(1001) * MICRO)
-    assert found == pytest.approx({"p50": 500.0, "p99": 990.0, "p99.9": 999.0, "max": 1000.0})
+@pytest.mark.parametrize(("clock", "valid"), [("lockstep", None), ("realtime", False)])
+def test_no_stamp_proves_nothing(clock: str, valid: bool | None) -> None:
+    timing = summarise(TERMS._replace(clock=clock), BUDGET, {})
+    assert (timing["ticks"], timing["late"], timing["valid"], timing["histograms"]) == (0, 0, valid, {})
+    assert all(timing[f"{name}_us"] is None for name in QUANTITIES)
+
+
+def test_the_set_up_is_kept() -> None:
+    setup = {"driver": {"memory_locked": {"wanted": True, "applied": False, "reason": "not permitted"}}}
+    assert summarise(TERMS, BUDGET, channels(), setup)["setup"] == setup
+
+
+def test_a_trials_document_keeps_its_budget() -> None:
+    some = trial(clock="realtime", actuation_delay=2, timing=TimingBudget(0.01))
+    again = Trial.from_document(json.loads(json.dumps(some.to_document())))
+    assert again.timing == some.timing
+    assert budget_of(again) == (0.01, pytest.approx(2.25e-3))
+    assert budget_of(trial(timing=TimingBudget(command_age_p99=3e-3))).command_age_p99 == 3e-3
+    assert terms_of(some.to_document()) == Terms("realtime", 1e-3, 2)

@@ -1,0 +1,111 @@
+"""The figures of the certificate: lateness over time with the late ticks, and how often a time was exceeded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from hilrig.certificate.attribution import Attribution
+from hilrig.certificate.histogram import tail
+from hilrig.certificate.processes import CULPRITS
+from hilrig.certificate.table import Table
+from hilrig.report.curves import thin
+from hilrig.report.dataset import TrialEntry
+from hilrig.report.legend import legend_of
+from hilrig.report.panels import LEFT, RIGHT, TOP, Picture, canvas, name_curves
+from hilrig.report.style import QUIET, RC, TWO_COLUMNS, Style, styles
+
+COLOURS = dict(zip(CULPRITS, ("#0072B2", "#E69F00", "#D55E00", "#8A8A8A"), strict=True))
+"""Of late ticks by culprit"""
+LEAST = 0.1
+"""us: what a logarithmic axis shows of less"""
+LINE = "#4d4d4d"
+WIDTH = TWO_COLUMNS - LEFT - RIGHT
+
+
+class Stamped(NamedTuple):
+    """A trial with the stamps of its ticks."""
+
+    trial: TrialEntry
+    table: Table
+    found: Attribution
+
+
+def lateness_figure(condition: str, trials: Mapping[str, Stamped]) -> Picture:
+    """Return lateness over time, a panel for each controller, and the late ticks in their culprits' colours."""
+    with mpl.rc_context(RC):
+        named = legend_of({f"late: {name}": Style(colour, "-") for name, colour in COLOURS.items()}, False, WIDTH)
+        figure, grid = canvas(len(trials), 1, 1.3, 1.3, top=TOP + named.further)
+        for row, (name, stamped) in enumerate(trials.items()):
+            axes = figure.add_subplot(grid[row, 0])
+            _over_time(axes, stamped)
+            axes.set_title(f"{name}, repeat {stamped.trial.repeat}", loc="left", color="#444444", pad=3)
+        name_curves(figure, named)
+    text = (
+        f"Condition {condition}, of each controller the repeat with the most late ticks: from due to awake. "
+        "Marks above: late ticks, a row and a colour for each culprit. Dashed: one period."
+    )
+    return Picture(f"lateness_{condition}", "Lateness", text, figure)
+
+
+def _over_time(axes: Axes, stamped: Stamped) -> None:
+    own, period = stamped.table.driver, stamped.trial.document["period"]
+    time = own.tick * period
+    lateness = np.maximum((own.woke - own.due) / 1e3, LEAST)
+    axes.plot(*thin(time, lateness), color=LINE, linewidth=0.6)
+    axes.axhline(1e6 * period, color=QUIET, linewidth=0.7, linestyle=(0, (4, 2)))
+    axes.set_yscale("log")
+    low, high = LEAST, max(float(lateness.max(initial=0.0)), 1e6 * period)
+    # Above the curve stands a quarter of the panel for the marks.
+    axes.set_ylim(max(low, float(lateness.min(initial=high)) / 2), high * (high / max(low, 1.0)) ** 0.35)
+    for number, colour in enumerate(COLOURS.values()):
+        at = time[stamped.found.culprit == number]
+        height = np.full(at.size, 0.95 - 0.06 * number)
+        axes.plot(at, height, "|", color=colour, markersize=5, transform=axes.get_xaxis_transform(), zorder=5)
+    axes.set_xlim(0, max(float(time[-1]), period) if time.size else period)
+    axes.set_ylabel("lateness [µs]")
+    axes.set_xlabel("time [s]", labelpad=1.5)
+
+
+def tail_figure(trials: Sequence[TrialEntry], controllers: tuple[str, ...]) -> Picture | None:
+    """Return the share of ticks that were above a time, for lateness and command age; None if no trial tells."""
+    told = [trial for trial in trials if trial.timing.get("histograms", {}).get("lateness")]
+    if not told:
+        return None
+    looks = styles(controllers)
+    shown = {name: looks[name] for name in controllers if any(trial.controller == name for trial in told)}
+    with mpl.rc_context(RC):
+        named = legend_of(shown, False, WIDTH)
+        figure, grid = canvas(1, 2, 2.2, 0.0, top=TOP + named.further)
+        period = told[0].document["period"]
+        limits = {"lateness": period, "command_age": told[0].timing["budget"]["command_age_p99"]}
+        for column, (name, limit) in enumerate(limits.items()):
+            axes = figure.add_subplot(grid[0, column])
+            for trial in told:
+                _tail(axes, trial.timing["histograms"].get(name, []), looks[trial.controller])
+            axes.axvline(1e6 * limit, color=QUIET, linewidth=0.7, linestyle=(0, (4, 2)))
+            axes.set_xscale("log")
+            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.xaxis.set_major_formatter("{x:g}")
+            axes.xaxis.set_minor_formatter(NullFormatter())
+            axes.set_yscale("log")
+            axes.set_xlabel(f"{name.replace('_', ' ')} [µs]", labelpad=1.5)
+            axes.set_ylabel("share of ticks at or above")
+        name_curves(figure, named)
+    text = (
+        "One line for each trial, from the bins of timing.json. Dashed: one period for the lateness, "
+        "the budget's limit on the 99th percentile for the command age."
+    )
+    return Picture("timing_tail", "How often a time was exceeded", text, figure)
+
+
+def _tail(axes: Axes, bins: list[list[int]], look: Style) -> None:
+    if bins:
+        edges, shares = tail(bins)
+        axes.step(np.maximum(edges / 1e3, LEAST), shares, where="pre", color=look.colour, linestyle=look.dash,
+                  linewidth=0.8, alpha=0.85)  # fmt: skip
