@@ -96,10 +96,18 @@ def composed(template: Function, makes_arrays: bool = True, **parts: Callable[..
     globals name the parts is compiled like any other kernel, and kept in a folder of this composition.
 
     Say `makes_arrays=False` of a template that makes none; see `kernel_without_arrays`. Other threads go on while one
-    that does is at work.
+    that does is at work. In one process the same parts give the same kernel: what was loaded beside a trial is there
+    when the trial begins.
     """
-    plain: dict[str, Any] = {name: cast(Any, part).py_func for name, part in sorted(parts.items())}
-    bound: Any = filled(template, **parts)
+    return cast(Function, _composed(template, makes_arrays, tuple(sorted(parts.items()))))
+
+
+@cache
+def _composed(
+    template: Callable[..., Any], makes_arrays: bool, parts: tuple[tuple[str, Callable[..., Any]], ...]
+) -> Callable[..., Any]:
+    plain: dict[str, Any] = {name: cast(Any, part).py_func for name, part in parts}
+    bound: Any = filled(template, **dict(parts))
     bound.composition = _digest_of(plain)
     options = {"nogil": True} if makes_arrays else _BARE
     return _compiled(bound, os.path.join(_cache_folder(template), bound.composition), **options)

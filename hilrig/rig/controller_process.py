@@ -60,8 +60,9 @@ def answer_all(
             injector.compute(tick)
         row = half.answer(state)
         computed = now()
-        put(message(row))
+        command = message(row)
         published = now()
+        put(command)
         note(row, tick, tick * period, waiting, received, computed, published, child.continued)
         record.wrote(row)
         if row == last:

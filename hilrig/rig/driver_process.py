@@ -63,8 +63,9 @@ class BusWire:
         if self._realtime and tick % UNHEARD and tick - self._held[0] > UNHEARD:
             self._published = 0
         else:
-            self._outbox.put(self._state.message(row))
+            message = self._state.message(row)
             self._published = time.monotonic_ns()
+            self._outbox.put(message)
         self._record.written["state"] = row + 1
         if self.half.truthful:
             self._record.written["truth"] = row + 1
