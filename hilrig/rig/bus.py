@@ -20,7 +20,8 @@ DEPTH = 4096
 """Messages an inbox holds before it holds up its sender (lockstep) or loses (real time)"""
 
 
-def _configuration(listen: Iterable[str], connect: Iterable[str]) -> zenoh.Config:
+def configuration(listen: Iterable[str], connect: Iterable[str]) -> zenoh.Config:
+    """Return the configuration of a participant that listens and connects at these endpoints."""
     config = zenoh.Config()
     settings = {
         "mode": "peer",
@@ -75,7 +76,7 @@ class Bus:
     def __init__(self, trial: str, role: str, listen: Iterable[str], connect: Iterable[str]) -> None:
         self._root, self._role = f"hilrig/{trial}", role
         try:
-            self._session = zenoh.open(_configuration(listen, connect))
+            self._session = zenoh.open(configuration(listen, connect))
         except zenoh.ZError as error:
             raise RigError(f"{role}: cannot join the bus ({error})") from error
         self._token: Any = None
