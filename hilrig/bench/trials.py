@@ -23,13 +23,14 @@ from hilrig.experiment import load
 from hilrig.messages.codec import Codec, definition
 from hilrig.plan import plan
 from hilrig.recording.run_directory import read_json
-from hilrig.signals import WRENCH_AXES
 
 PATIENCE = 240.0
 """s beyond the trial's own time; the first one on a machine compiles its kernels"""
 WITHOUT_CERTIFICATE = ("--set", "rig.certificate=false")
 """What makes `hilrig run` keep no time stamps"""
 HILRIG = (sys.executable, "-P", "-m", "hilrig")
+WRENCH = 6
+"""Force and moment"""
 TOLD = ("lateness", "round_trip", "compute", "command_age")
 
 
@@ -80,7 +81,7 @@ def payload_sizes() -> Sizes:
     with tempfile.TemporaryDirectory(prefix="bench-") as name:
         (trial,) = plan(load(write_experiment(Path(name), 1.0), []))
     joints = trial.driver.robot.joints
-    sizes = {"wrench": len(WRENCH_AXES)}
+    sizes = {"wrench": WRENCH}
 
     def size(message: str) -> int:
         wanted = definition(message)
