@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,6 +26,8 @@ SCRIPT = Path(__file__).parent / "peers" / "pair.py"
 SYSTEM_PYTHON = "/usr/bin/python3"
 START = 20.0
 """s that the two processes of a pair are given to meet"""
+LOOK = 0.2
+"""s between two looks whether both sides are still there"""
 NANOSECONDS = 1e9
 
 
@@ -63,6 +66,7 @@ TRANSPORTS = (
 )  # fmt: skip
 
 
+@cache
 def python_for(transport: Transport) -> str | None:
     """Return the Python that has what the transport needs: this one, else the system's; None if neither has it."""
     if not transport.module:
@@ -77,13 +81,14 @@ def python_for(transport: Transport) -> str | None:
     return None
 
 
-def round_trips(
-    transport: Transport, python: str, sizes: Sizes, place: Placement, count: int, period: float
-) -> dict[str, float]:
+def round_trips(transport: Transport, sizes: Sizes, place: Placement, count: int, period: float) -> dict[str, float]:
     """Return rate_hz and the quantiles of `count` round trips, one each `period` (s); 0 is back to back.
 
     A request has the size of a State, a reply that of a Command. Raises RigError if the pair does not do it.
     """
+    python = python_for(transport)
+    if python is None:
+        raise RigError(f"not installed; {transport.install}")
     if place.policy == "fifo" and not transport.fifo:
         place = Placement(place.core, "other", 0)
     orders = {
@@ -111,11 +116,7 @@ def _run_pair(command: list[str], orders: Mapping[str, Any], more: Mapping[str, 
                 [*command, json.dumps({**orders, "side": side})], stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
             )  # fmt: skip
-        try:
-            said, complaint = sides["ping"].communicate(timeout=patience)
-        except subprocess.TimeoutExpired:
-            _kill(sides.values())
-            raise RigError(f"no end after {patience:.0f} s{_last_line(sides['echo'].communicate()[1])}") from None
+        said, complaint = _outputs(sides["ping"], sides["echo"], patience)
         if sides["ping"].returncode != 0:
             raise RigError(f"exit code {sides['ping'].returncode}{_last_line(complaint)}")
         return said
@@ -123,6 +124,21 @@ def _run_pair(command: list[str], orders: Mapping[str, Any], more: Mapping[str, 
         _kill(sides.values())
         for process in sides.values():
             process.communicate()
+
+
+def _outputs(ping: subprocess.Popen[str], echo: subprocess.Popen[str], patience: float) -> tuple[str, str]:
+    """Return what the pinging side printed and complained of, at its end. Raises RigError if it will not come to it."""
+    deadline = time.monotonic() + patience
+    while True:
+        try:
+            return ping.communicate(timeout=LOOK)
+        except subprocess.TimeoutExpired:
+            if not echo.poll() and time.monotonic() < deadline:
+                continue
+        ended = f"the echoing side ended with exit code {echo.returncode}"
+        how = ended if echo.poll() else f"no end after {patience:.0f} s"
+        _kill((ping, echo))
+        raise RigError(how + _last_line(echo.communicate()[1]))
 
 
 def _kill(processes: Iterable[subprocess.Popen[str]]) -> None:

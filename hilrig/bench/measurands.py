@@ -58,8 +58,8 @@ class Measurand:
     groups: tuple[str, ...]
     what: str
     measure: Callable[[], Sample]
-    absent: str = ""
-    """Why it cannot be measured here; "" if it can"""
+    absent: Callable[[], str] = str
+    """Returns why it cannot be measured here; "" if it can"""
 
 
 def measurands(settings: Settings, sizes: Sizes, fifo: bool, only: Sequence[str] = ()) -> list[Measurand]:
@@ -78,35 +78,53 @@ def names() -> list[str]:
 
 
 def _pair(transport: Transport, paced: bool, settings: Settings, sizes: Sizes, fifo: bool) -> Measurand:
-    python = python_for(transport)
     count, period = (settings.paced, PERIOD) if paced else (settings.exchanges, 0.0)
     name = f"{transport.name}.{'paced' if paced else 'back_to_back'}"
     bare = transport is TRANSPORTS[0]
     groups = ("bus", "lockstep") if bare and not paced else ("bus",)
-    measure = partial(round_trips, transport, python or "", sizes, placement(paced, fifo), count, period)
+    measure = partial(round_trips, transport, sizes, placement(paced, fifo), count, period)
     how = "one each millisecond" if paced else "back to back"
-    absent = "" if python else f"not installed; {transport.install}"
-    return Measurand(name, groups, f"{transport.title}: round trips {how}", measure, absent)
+    return Measurand(name, groups, f"{transport.title}: round trips {how}", measure, partial(_no_python, transport))
 
 
-def _trial(name: str, groups: tuple[str, ...], what: str, call: TrialCall, absent: str = "") -> Measurand:
+def _no_python(transport: Transport) -> str:
+    return "" if python_for(transport) else f"not installed; {transport.install}"
+
+
+def _no_watch() -> str:
+    return "" if has_watch() else "this hilrig has no `hilrig watch`"
+
+
+def _no_switch() -> str:
+    return "" if has_certificate_switch() else f"this hilrig does not know {' '.join(WITHOUT_CERTIFICATE)}"
+
+
+def _no_cyclictest() -> str:
+    return "" if installed() else f"not installed; {INSTALL}"
+
+
+def _no_drop() -> str:
+    return "" if shutil.which("setpriv") else "not installed; apt install util-linux"
+
+
+def _trial(
+    name: str, groups: tuple[str, ...], what: str, call: TrialCall, absent: Callable[[], str] = str
+) -> Measurand:
     return Measurand(name, groups, what, partial(run_trial, call), absent)
 
 
 def _lockstep(settings: Settings) -> list[Measurand]:
     clock = ("--clock", "lockstep")
     plain = TrialCall(settings.lockstep, clock)
-    no_watch = "" if has_watch() else "this hilrig has no `hilrig watch`"
-    no_switch = "" if has_certificate_switch() else f"this hilrig does not know {' '.join(WITHOUT_CERTIFICATE)}"
     return [
         _trial("lockstep", ("bus", "lockstep", "watch", "certificate"), "hilrig run in lockstep, over the bus", plain),
         _trial(
             "lockstep.uncertified", ("certificate",), "hilrig run in lockstep, no time stamps",
-            TrialCall(settings.lockstep, (*clock, *WITHOUT_CERTIFICATE)), no_switch,
+            TrialCall(settings.lockstep, (*clock, *WITHOUT_CERTIFICATE)), _no_switch,
         ),
         _trial(
             "lockstep.watched", ("watch",), "hilrig run in lockstep, hilrig watch attached",
-            TrialCall(settings.lockstep, clock, watched=True), no_watch,
+            TrialCall(settings.lockstep, clock, watched=True), _no_watch,
         ),
         _trial(
             "in_process", ("lockstep",), "hilrig run --in-process",
@@ -118,34 +136,31 @@ def _lockstep(settings: Settings) -> list[Measurand]:
 def _realtime(settings: Settings, fifo: bool) -> list[Measurand]:
     clock, long, short = ("--clock", "realtime"), settings.realtime, settings.short
     plain = TrialCall(short, clock)
-    no_cyclictest = "" if installed() else f"not installed; {INSTALL}"
     no_fifo = "" if fifo else "no permission for SCHED_FIFO: the plain trial is the unprivileged one"
-    no_drop = no_fifo or ("" if shutil.which("setpriv") else "not installed; apt install util-linux")
-    no_watch = "" if has_watch() else "this hilrig has no `hilrig watch`"
     loaded = partial(_loaded, partial(run_trial, plain))
     place, ordinary = placement(True, fifo), placement(True, False)
     return [
         _trial("realtime", ("bus", "realtime", "watch"), "hilrig run in real time", TrialCall(long, clock)),
         Measurand(
             "cyclictest", ("realtime",), "cyclictest, same period, core and priority",
-            partial(run_cyclictest, place, long, PERIOD), no_cyclictest,
+            partial(run_cyclictest, place, long, PERIOD), _no_cyclictest,
         ),
         _trial(
             "realtime.watched", ("watch",), "hilrig run in real time, hilrig watch attached",
-            TrialCall(short, clock, watched=True), no_watch,
+            TrialCall(short, clock, watched=True), _no_watch,
         ),
         Measurand("realtime.loaded", ("load",), "hilrig run in real time, full load", loaded),
         Measurand(
             "cyclictest.loaded", ("load",), "cyclictest, full load",
-            partial(_loaded, partial(run_cyclictest, place, short, PERIOD)), no_cyclictest,
+            partial(_loaded, partial(run_cyclictest, place, short, PERIOD)), _no_cyclictest,
         ),
         _trial(
             "realtime.unprivileged", ("unprivileged",), "hilrig run in real time without CAP_SYS_NICE",
-            TrialCall(short, clock, UNPRIVILEGED), no_drop,
+            TrialCall(short, clock, UNPRIVILEGED), lambda: no_fifo or _no_drop(),
         ),
         Measurand(
             "cyclictest.unprivileged", ("unprivileged",), "cyclictest at normal priority",
-            partial(run_cyclictest, ordinary, short, PERIOD), no_fifo or no_cyclictest,
+            partial(run_cyclictest, ordinary, short, PERIOD), lambda: no_fifo or _no_cyclictest(),
         ),
     ]  # fmt: skip
 

@@ -47,8 +47,8 @@ def run_rounds(
     Every other round goes backwards: a machine that grows slower favours nobody.
     """
     rounds: list[dict[str, Sample]] = []
-    notes = {item.name: item.absent for item in listed if item.absent}
-    present = [item for item in listed if not item.absent]
+    notes = {item.name: why for item in listed if (why := item.absent())}
+    present = [item for item in listed if item.name not in notes]
     for repeat in range(repeats):
         samples: dict[str, Sample] = {}
         for place, item in enumerate(present[:: -1 if repeat % 2 else 1]):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from subprocess import CompletedProcess
@@ -21,15 +20,15 @@ KEYS = {"form", "started", "wall_s", "settings", "machine", "warnings", "payload
 
 def test_a_part_is_measured_printed_and_shown_again(hilrig: Hilrig, tmp_path: Path) -> None:
     chosen = ("--only", "zenoh.back_to_back", "--only", "unix_datagram.paced")
-    done = hilrig("bench", "--quick", "--repeats", "2", *chosen, "--json", "--out", "found.json")
+    done = hilrig("bench", "--quick", *chosen, "--json", "--out", "found.json", timeout=300.0)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found.keys() == KEYS
     assert list(found["measurands"]) == ["zenoh.back_to_back", "unix_datagram.paced"]
     for item in found["measurands"].values():
         assert item["note"] == ""
-        assert len(item["quantities"]["round_trip_p50_us"]["values"]) == 2
-    assert "[2/2] [2/2] zenoh.back_to_back" in done.stderr
+        assert len(item["quantities"]["round_trip_p50_us"]["values"]) == 1
+    assert "[1/1] [2/2] unix_datagram.paced" in done.stderr
 
     again = hilrig("bench", "--from", "found.json", "--markdown", "page.md")
     assert again.returncode == 0, again.stderr
@@ -57,12 +56,10 @@ def test_a_wrong_call_says_what_is_wrong(
 
 @pytest.mark.parametrize("transport", [BARE, SOCKETS], ids=lambda transport: transport.name)
 def test_a_pair_makes_its_round_trips(transport: Transport) -> None:
-    paced = round_trips(transport, sys.executable, Sizes(100, 68), placement(False, False), 20, 1e-3)
-    # 19 whole periods and a part of one lie between the first request and the last reply.
-    assert paced["rate_hz"] <= 20 / 0.019
+    paced = round_trips(transport, Sizes(100, 68), placement(False, False), 20, 1e-3)
     assert 0 < paced["round_trip_p50_us"] <= paced["round_trip_p99_us"] <= paced["round_trip_max_us"]
 
 
 def test_a_pair_that_fails_says_why() -> None:
-    with pytest.raises(RigError, match="exit code 1"):
-        round_trips(BARE, sys.executable, Sizes(100, 68), placement(False, False)._replace(policy="none"), 20, 0.0)
+    with pytest.raises(RigError, match="exit code 1: KeyError: 'none'"):
+        round_trips(BARE, Sizes(100, 68), placement(False, False)._replace(policy="none"), 20, 0.0)
