@@ -67,6 +67,7 @@ def _round_trips(found: Document) -> Iterator[Table]:
         ("paced", "realtime", "one each millisecond"),
     ):
         names = [name for name in found["measurands"] if name.endswith(f".{kind}")]
+        names.sort(key=lambda name: not name.startswith(BARE))
         bare = _quantity(found, f"{BARE}.{kind}", "round_trip_p50_us")
         rows = [_round_trip(found, name, bare) for name in (own, *names) if _quantity(found, name, "round_trip_p50_us")]
         if names:
@@ -104,7 +105,7 @@ def _lateness(found: Document) -> Table:
         times = [spread_text(_quantity(found, name, f"lateness_{q}_us")) for q in ("p50", "p99", "max")]
         ages = [spread_text(_quantity(found, name, f"command_age_{q}_us")) for q in ("p50", "p99")]
         rows.append([found["measurands"][name]["what"], *times, _share(found, name, late), *ages])
-    columns = ("", "lateness p50", "p99", "max", "late ticks, or over 1 ms", "command age p50", "p99")
+    columns = ("", "lateness p50", "p99", "max", "late ticks, or over 1 ms", "command age p50", "command age p99")
     return Table("Lateness at a period of 1 ms [us]", columns, rows)
 
 

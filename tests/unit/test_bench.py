@@ -214,6 +214,7 @@ def document() -> dict[str, Any]:
 
 def test_tables_show_medians_limits_and_what_is_missing(document: dict[str, Any]) -> None:
     shown = {table.title: table for table in tables(document)}
+    assert all(len(set(table.columns)) == len(table.columns) for table in shown.values())
     assert all(len(row) == len(table.columns) for table in shown.values() for row in table.rows)
     (rate, overhead) = shown["Comparisons"].rows
     assert rate[1:] == ["0.8 (0.8 to 0.8)", "at least 0.75", "yes"]
