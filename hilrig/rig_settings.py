@@ -34,4 +34,7 @@ class RigSettings:
         float | None,
         Parameter("s", "longest wake-up of an idle core that is accepted; null: as the machine has it", 0, 1),
     ] = 0.0
+    certificate: Annotated[
+        bool, Parameter("", "whether every tick is stamped; without, nothing is known of the trial's timing")
+    ] = True
     low_latency_link: Annotated[bool, Parameter("", "whether the bus uses zenoh's low-latency link")] = True

@@ -8,7 +8,7 @@ import traceback
 import typer
 
 # The verbs register themselves, in the order in which the help lists them.
-from hilrig.cli import running, watching, reproducing, looking, asking, doctoring  # isort: skip  # noqa: F401
+from hilrig.cli import running, watching, reproducing, looking, asking, doctoring, benching  # isort: skip  # noqa: F401
 from hilrig.cli.application import app
 from hilrig.errors import HilrigError, RigError
 

@@ -20,7 +20,8 @@ DEPTH = 4096
 """Messages an inbox holds before it holds up its sender (lockstep) or loses (real time)"""
 
 
-def _configuration(listen: Iterable[str], connect: Iterable[str], low_latency: bool) -> zenoh.Config:
+def configuration(listen: Iterable[str], connect: Iterable[str], low_latency: bool = True) -> zenoh.Config:
+    """Return the configuration of a participant that listens and connects at these endpoints."""
     config = zenoh.Config()
     settings = {
         "mode": "peer",
@@ -77,7 +78,7 @@ class Bus:
     ) -> None:
         self._root, self._role = f"hilrig/{trial}", role
         try:
-            self._session = zenoh.open(_configuration(listen, connect, low_latency))
+            self._session = zenoh.open(configuration(listen, connect, low_latency))
         except zenoh.ZError as error:
             raise RigError(f"{role}: cannot join the bus ({error})") from error
         self._token: Any = None

@@ -44,9 +44,9 @@ class Sheets:
         self.counts = dict.fromkeys(names, 0)
         """Messages that were handed over, by channel"""
 
-    def wrote(self, row: int) -> None:
-        """Note that all sheets are written as far as `row`."""
-        for name in self.written:
+    def wrote(self, row: int, names: tuple[str, ...]) -> None:
+        """Note that these sheets are written as far as `row`."""
+        for name in names:
             self.written[name] = row + 1
 
     def hand_over(self) -> Iterator[tuple[str, NDArray[np.uint8]]]:

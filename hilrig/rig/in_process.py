@@ -146,8 +146,8 @@ def run_in_process(
             wire.end()
         summary = recorder.summary()
         timing = summarise(terms_of(document), budget_of(document), recorder.timing())
-        write_json(directory / "timing.json", {**timing, "loop_s": round(wire.loop_s, 4)})
-    return Outcome.of(trial, *ending, time.monotonic() - began, summary)
+        write_json(directory / "timing.json", timing)
+    return Outcome.of(trial, *ending, time.monotonic() - began, summary, wire.loop_s or None)
 
 
 def _ticks(plant: PlantSide, control: ControlSide, wire: DirectWire) -> Ending:

@@ -25,6 +25,8 @@ class Outcome:
     """From the start of the first tick to the end of the record, s"""
     speed: float
     """Simulated time over wall time, start-up left out"""
+    loop_s: float | None = None
+    """From the start of the first tick to the end of the last one, s; None where that is not known"""
     channels: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @classmethod
@@ -36,12 +38,16 @@ class Outcome:
         ticks: int,
         wall: float,
         channels: Mapping[str, Mapping[str, Any]],
+        loop: float | None = None,
     ) -> Outcome:
         """Return the outcome; a trial that ran to its end with messages unaccounted for is not completed."""
         if outcome == "completed" and (trouble := unexplained(channels)):
             outcome, reason = "failed", trouble
         speed = ticks * trial.period / wall if wall > 0 else 0.0
-        return cls(trial.id, outcome, reason, ticks, trial.ticks, round(wall, 3), round(speed, 3), dict(channels))
+        loop_s = None if loop is None else round(loop, 4)
+        return cls(
+            trial.id, outcome, reason, ticks, trial.ticks, round(wall, 3), round(speed, 3), loop_s, dict(channels)
+        )
 
     @property
     def completed(self) -> bool:

@@ -161,7 +161,8 @@ class Watch:
         wall = time.monotonic() - began
         channels = self._bring_down()
         outcome, reason = self._verdict or ("completed", "")
-        return Outcome.of(self._rig.trial, outcome, reason, self._ticks, wall, channels)
+        loop_s = self._done.get("driver", {}).get("loop_s")
+        return Outcome.of(self._rig.trial, outcome, reason, self._ticks, wall, channels, loop_s)
 
     def _all_ready(self) -> bool:
         deadline = time.monotonic() + READY_TIMEOUT
