@@ -98,7 +98,8 @@ COMPARISONS = (
     ),
     Comparison(
         "certificate_cost", "lockstep rate that the certificate costs", "%",
-        lambda r: 100.0 * (1.0 - r["lockstep"]["loop_steps_per_s"] / r["lockstep.uncertified"]["loop_steps_per_s"]), high=5.0,
+        lambda r: 100.0 * (1.0 - r["lockstep"]["loop_steps_per_s"] / r["lockstep.uncertified"]["loop_steps_per_s"]),
+        high=5.0,
     ),
 )  # fmt: skip
 

@@ -104,8 +104,8 @@ def _read(runs: Path, complaint: str) -> dict[str, float]:
 def quantities(outcome: Mapping[str, Any], timing: Mapping[str, Any]) -> dict[str, float]:
     """Return what a completed trial tells: steps_per_s, late, late_fraction, and <what>_p50_us, _p99_us, _max_us.
 
-    steps_per_s leaves the start-up out; loop_steps_per_s is from the first tick to the last: it leaves out what is written
-    after that, too. What the trial did not measure is left out.
+    steps_per_s leaves the start-up out; loop_steps_per_s is from the first tick to the last, without what is written
+    after that. What the trial did not measure is left out.
     """
     ticks = outcome["ticks"]
     found = {"ticks": float(ticks)}

@@ -72,8 +72,8 @@ def stalls(
 ) -> None:
     """Inject stalls of 1 to 5 ms, and compare what the certificate finds with what was injected.
 
-    Sleeps and stops of driver and controller, a controller that computes too long, messages that the bus delays or loses,
-    at random ticks; about a minute of real time, without and with them.
+    Sleeps and stops of driver and controller, a controller that computes too long, messages that the bus delays or
+    loses, at random ticks; about a minute of real time, without and with them.
 
     Exit code: 0 it was measured, whatever came out.
     """
