@@ -13,7 +13,6 @@ from loop_simulation import KINDS, MS, Loop, Stall
 from hilrig.certificate.attribution import attribute
 from hilrig.certificate.durations import Terms
 from hilrig.certificate.processes import CULPRITS
-from hilrig.certificate.stalls import stalls
 from hilrig.certificate.table import Table, join
 
 APART = 30
@@ -54,13 +53,12 @@ def test_every_stall_is_seen_and_its_late_ticks_go_to_its_culprit(name: str, kin
     """
     loop = with_stalls(kinds, seed, **LOOPS[name])
     table, terms = certified(loop)
-    found, seen = attribute(table, terms), stalls(table, terms)
+    found = attribute(table, terms)
     starts = np.array([stall.tick for stall in loop.stalls])
     for stall, after in zip(loop.stalls, [*starts[1:], loop.ticks], strict=True):
-        culprits = [c for tick, c in seen if stall.tick - 1 <= tick <= stall.tick + 8]
-        assert KINDS[stall.kind] in culprits, (stall, seen)
         mine = (table.driver.tick >= stall.tick - 1) & (table.driver.tick < after - 1) & found.late
         right = found.culprit[mine] == CULPRITS.index(KINDS[stall.kind])
+        assert right.size > 0 or stall.length < (loop.delay + 1) * loop.period, stall
         assert np.count_nonzero(right) > 0.5 * right.size or right.size == 0, (stall, found.culprit[mine])
 
 
@@ -89,13 +87,11 @@ def test_a_stall_alone_is_the_only_one(kind: str) -> None:
     found = attribute(table, terms)
     assert found.late.any()
     assert found.counts() == {**dict.fromkeys(CULPRITS, 0), KINDS[kind]: int(np.count_nonzero(found.late))}
-    assert {culprit for _, culprit in stalls(table, terms)} == {KINDS[kind]}
 
 
-def test_a_quiet_loop_has_neither() -> None:
+def test_a_quiet_loop_is_never_late() -> None:
     table, terms = certified(Loop([], 1000))
     assert not attribute(table, terms).late.any()
-    assert stalls(table, terms) == []
 
 
 def test_a_controller_that_is_always_too_slow_is_the_culprit() -> None:
@@ -130,22 +126,3 @@ def test_a_record_that_ends_before_the_answer_does_not_tell() -> None:
     late = found.late & (own["tick"] > 95)
     assert late.sum() == 4
     assert {CULPRITS[c] for c in found.culprit[late]} == {"unknown"}
-
-
-def test_in_lockstep_stalls_are_seen_too() -> None:
-    """The plant waits for the command: that time is not the driver's."""
-    own, other = Loop([], 200).run().columns()
-    stretch = np.zeros(200, dtype=np.int64)
-    stretch[120:] = 2 * MS  # from tick 120 on all is 2 ms later, but what woke it
-    for name in ("published", "received", "applied"):
-        own[name] = own[name] + stretch
-    own["due"][121:] += 2 * MS
-    own["woke"][121:] += 2 * MS
-    for name in ("received", "computed", "published"):
-        other[name] = other[name] + stretch
-    other["waiting"][121:] += 2 * MS
-    own["command"], own["received"] = own["tick"], other["published"] + 60_000
-    own["applied"] = own["received"] + 5_000
-    table, terms = join(own, other), Terms("lockstep", 1e-3, 0)
-    assert not attribute(table, terms).late.any()
-    assert stalls(table, terms) == [(120, "driver")]
