@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from hilrig.messages.codec import Codec, definition, extended
+from hilrig.messages.sheet import Sheet
 from hilrig.recording.bag_writer import BagWriter
 from hilrig.report.dataset import TrialEntry
 from hilrig.report.measures import COLUMNS
@@ -89,15 +90,16 @@ def write_bag(path: Path, s: dict[str, np.ndarray], truth: bool = True) -> None:
     }  # fmt: skip
     if not truth:
         del columns["truth"]
+    ticks = np.arange(n)
     with BagWriter(path) as bag:
-        codecs = {}
-        for name, (shape, arrays) in columns.items():
+        for name, (shape, _) in columns.items():
             bag.add_channel(name, shape)
+        for name, (shape, arrays) in columns.items():
             sizes = {f.name: a.shape[1] for f, a in zip(shape.fields[2:], arrays, strict=True) if f.size == 0}
-            codecs[name] = Codec(shape, sizes)
-        for k in range(n):
-            for name, (_, arrays) in columns.items():
-                bag.write(name, codecs[name].pack([k, s["time"][k], *(a[k] for a in arrays)]), k, PERIOD)
+            sheet = Sheet(Codec(shape, sizes), n)
+            for field, values in zip(sheet.fields, (ticks, s["time"], *arrays), strict=True):
+                field[:] = values
+            bag.write(name, sheet.payloads, ticks, PERIOD)
 
 
 def make_run(

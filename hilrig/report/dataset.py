@@ -154,7 +154,8 @@ def align(channels: Channels, document: Document) -> TrialSignals | None:
     axes = tuple(document["axes"])
     source = picked.get("truth", picked["internals"])
     wrench = picked[plant]["wrench"]
-    record = _record(picked, source, wrench, axes, document, _late(channels.get("driver_timing"), ticks))
+    late = _late(channels.get("driver_timing"), ticks, document)
+    record = _record(picked, source, wrench, axes, document, late)
     return TrialSignals(record, _memory(picked["internals"]), "truth" if "truth" in picked else "measurement")
 
 
@@ -166,11 +167,19 @@ def _pick(channel: dict[str, np.ndarray], ticks: np.ndarray) -> dict[str, np.nda
     return {name: values[rows] for name, values in channel.items()}
 
 
-def _late(timing: dict[str, np.ndarray] | None, ticks: np.ndarray) -> Array:
-    """Return 1.0 where the driver's timing says that the tick was late, else 0.0, (N,)."""
+def _late(timing: dict[str, np.ndarray] | None, ticks: np.ndarray, document: Document) -> Array:
+    """Return 1.0 where the tick was late by the driver's timing, else 0.0, (N,).
+
+    In real time a tick is late if the command applied was older than that of tick - actuation_delay, or if it was
+    applied a whole period or more after the tick was due. In lockstep no tick is.
+    """
     late = np.zeros(ticks.size)
-    if timing is not None and "late" in timing:
-        late[np.isin(ticks, timing["tick"][timing["late"] != 0])] = 1.0
+    if timing is not None and document.get("clock") == "realtime":
+        old = timing["command"] < timing["tick"].astype(np.int64) - document["actuation_delay"]
+        # Of the ticks before there is a command none is older than it should be.
+        old &= timing["tick"].astype(np.int64) >= document["actuation_delay"]
+        overran = timing["applied"] - timing["due"] >= document["period"] * 1e9
+        late[np.isin(ticks, timing["tick"][old | overran])] = 1.0
     return late
 
 

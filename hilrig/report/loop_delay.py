@@ -9,14 +9,14 @@ import numpy as np
 from hilrig.signals import Array
 
 
-def loop_delays(timing: Mapping[str, np.ndarray], actuation_delay: int) -> Array:
-    """Return the loop delay of every period, (K,) s, from the driver's timing: measurement begun to command in hand.
+def loop_delays(timing: Mapping[str, np.ndarray]) -> Array:
+    """Return the loop delay of every period, (K,) s, from the driver's timing: measurement begun to command applied.
 
-    The command in effect from tick k is that of tick k - actuation_delay - late. Periods before the first command, and
-    those whose measurement's stamps are not in the record, are left out.
+    `timing` names the command in effect from each tick on by the tick that it answers. Periods before the first
+    command, and those whose measurement's stamps are not in the record, are left out.
     """
-    tick, woke, received = timing["tick"].astype(np.int64), timing["woke"], timing["received"]
-    measured = tick - actuation_delay - timing["late"]
+    tick, woke, applied = timing["tick"].astype(np.int64), timing["woke"], timing["applied"]
+    measured = timing["command"]
     place = np.minimum(np.searchsorted(tick, measured), tick.size - 1)
     known = (measured >= 0) & (tick[place] == measured)
-    return np.asarray((received[known] - woke[place[known]]) / 1e9, dtype=np.float64)
+    return np.asarray((applied[known] - woke[place[known]]) / 1e9, dtype=np.float64)

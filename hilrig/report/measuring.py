@@ -112,5 +112,5 @@ def _read(trial: TrialEntry, keep: bool) -> _Read | None:
     joints = channels["truth" if "truth" in channels else "state"]["joint_position"]
     delays = None
     if trial.document.get("clock") == "realtime" and "driver_timing" in channels:
-        delays = loop_delays(channels["driver_timing"], trial.document["actuation_delay"])
+        delays = loop_delays(channels["driver_timing"])
     return _Read(rows, signals.source, Kept(signals, joints) if keep else None, delays)

@@ -91,26 +91,26 @@ def test_measured_delays_are_told_in_milliseconds_and_against_both_bounds(run: P
     assert (group.measured.over, group.measured.over_paper) == pytest.approx((0.1, 0.5))
 
 
-def timing(woke: list[float], received: list[float], late: list[int], first: int = 0) -> dict[str, np.ndarray]:
-    ticks = np.arange(first, first + len(woke))
+def timing(woke: list[float], applied: list[float], command: list[int], first: int = 0) -> dict[str, np.ndarray]:
+    ticks = np.arange(first, first + len(woke), dtype=np.uint64)
     stamps = {
-        name: (np.array(values) * MS).astype(np.int64) for name, values in (("woke", woke), ("received", received))
+        name: (np.array(values) * MS).astype(np.int64) for name, values in (("woke", woke), ("applied", applied))
     }
-    return {"tick": ticks, **stamps, "late": np.array(late)}
+    return {"tick": ticks, **stamps, "command": np.array(command)}
 
 
 def test_the_loop_delay_runs_from_the_measurement_that_the_command_answers() -> None:
-    """d = 1: tick 1 acts on tick 0; tick 2 is one late and acts on tick 0 again; tick 3 acts on tick 2."""
-    found = loop_delays(timing([0, 1, 2, 3.5], [0.1, 1.1, 2.1, 3.7], [0, 0, 1, 0]), 1)
+    """d = 1: tick 0 holds; tick 1 acts on tick 0; tick 2 is late and acts on tick 0 again; tick 3 acts on tick 2."""
+    found = loop_delays(timing([0, 1, 2, 3.5], [0.1, 1.1, 2.1, 3.7], [-1, 0, 0, 2]))
     assert found * 1e3 == pytest.approx([1.1, 2.1, 1.7])
 
 
 def test_a_record_that_lacks_the_measurement_tells_nothing_of_it() -> None:
-    assert loop_delays(timing([5, 6], [5.1, 6.2], [0, 0], first=5), 1) * 1e3 == pytest.approx([1.2])
-    assert loop_delays(timing([5], [5.1], [3], first=5), 1).size == 0
+    assert loop_delays(timing([5, 6], [5.1, 6.2], [4, 5], first=5)) * 1e3 == pytest.approx([1.2])
+    assert loop_delays(timing([5], [5.1], [1], first=5)).size == 0
 
 
 def test_without_delay_the_command_acts_in_its_own_period() -> None:
-    found = loop_delays(timing([0, 1], [0.3, 1.4], [0, 0]), 0)
+    found = loop_delays(timing([0, 1], [0.3, 1.4], [0, 1]))
     assert found * 1e3 == pytest.approx([0.3, 0.4])
     assert math.isclose(found.max(), 0.4e-3)
