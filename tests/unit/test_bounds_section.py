@@ -93,9 +93,7 @@ def test_measured_delays_are_told_in_milliseconds_and_against_both_bounds(run: P
 
 def timing(woke: list[float], applied: list[float], command: list[int], first: int = 0) -> dict[str, np.ndarray]:
     ticks = np.arange(first, first + len(woke), dtype=np.uint64)
-    stamps = {
-        name: (np.array(values) * MS).astype(np.int64) for name, values in (("woke", woke), ("applied", applied))
-    }
+    stamps = {name: (np.array(values) * MS).astype(np.int64) for name, values in (("woke", woke), ("applied", applied))}
     return {"tick": ticks, **stamps, "command": np.array(command)}
 
 
