@@ -11,6 +11,7 @@ from builders import arm, surface, trial
 from hilrig_drivers.pybullet_arm import PybulletArm
 from hilrig_drivers.two_link import TwoLink
 
+from hilrig import kernel as kernels
 from hilrig.controllers.adaptive import Adaptive
 from hilrig.controllers.pd import Pd
 from hilrig.controllers.sliding_mode import SlidingMode
@@ -251,6 +252,27 @@ def test_kernels_do_all_but_the_first_tick(
     monkeypatch.setattr("tests.unit.test_halves.memory_of", lambda subject: SIZES[type(law)])
     by_halves(subject, frozenset())
     assert (plant, control) == ([measured], [answered])
+
+
+@pytest.mark.parametrize("law", [TdeSlidingMode(), Pd()])
+def test_after_the_warm_up_nothing_is_loaded_or_compiled(monkeypatch: pytest.MonkeyPatch, law: Any) -> None:
+    """It takes some 30 ms in each process, which would be the first thirty ticks of a trial in real time."""
+    made: list[Any] = []
+
+    def noted(*given: Any, **options: Any) -> Any:
+        made.append(compiled(*given, **options))
+        return made[-1]
+
+    compiled = kernels._compiled  # pyright: ignore[reportPrivateUsage]
+    kernels._composed.cache_clear()  # pyright: ignore[reportPrivateUsage]
+    monkeypatch.setattr(kernels, "_compiled", noted)
+    subject = trial(controller=law, disturbances=EVERYTHING)
+    warm_up_plant(subject, layouts(2, 2, {}))
+    warm_up_control(subject)
+    before = [kernel.signatures for kernel in made]
+    assert sum(map(len, before)) > 0
+    by_halves(subject, frozenset())
+    assert [kernel.signatures for kernel in made] == before
 
 
 SIZES = {Pd: memory_of(trial(controller=Pd())), Numpy: memory_of(trial(controller=Numpy()))}
