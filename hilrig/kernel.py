@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar, cast
@@ -96,19 +96,17 @@ def composed(template: Function, makes_arrays: bool = True, **parts: Callable[..
     globals name the parts is compiled like any other kernel, and kept in a folder of this composition.
 
     Say `makes_arrays=False` of a template that makes none; see `kernel_without_arrays`. Other threads go on while one
-    that does is at work. In one process the same parts give the same kernel: what was loaded beside a trial is there
-    when the trial begins.
+    that does is at work. Asked again for the same, it gives the same kernel, which need not be loaded again.
     """
     return cast(Function, _composed(template, makes_arrays, tuple(sorted(parts.items()))))
 
 
-@cache
+@lru_cache(maxsize=64)
 def _composed(
     template: Callable[..., Any], makes_arrays: bool, parts: tuple[tuple[str, Callable[..., Any]], ...]
 ) -> Callable[..., Any]:
-    plain: dict[str, Any] = {name: cast(Any, part).py_func for name, part in parts}
     bound: Any = filled(template, **dict(parts))
-    bound.composition = _digest_of(plain)
+    bound.composition = _digest_of({name: cast(Any, part).py_func for name, part in parts})
     options = {"nogil": True} if makes_arrays else _BARE
     return _compiled(bound, os.path.join(_cache_folder(template), bound.composition), **options)
 

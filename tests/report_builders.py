@@ -10,7 +10,8 @@ import pandas as pd
 from loop_simulation import Loop
 
 from hilrig.certificate.budget import Budget
-from hilrig.messages.codec import Codec, Definition, definition, extended, parse
+from hilrig.messages.codec import Codec, Definition, definition, extended
+from hilrig.messages.sheet import Sheet
 from hilrig.recording.bag import read_bag
 from hilrig.recording.bag_writer import BagWriter
 from hilrig.recording.timing import summarise, terms_of
@@ -93,15 +94,16 @@ def write_bag(path: Path, s: dict[str, np.ndarray], truth: bool = True) -> None:
     }  # fmt: skip
     if not truth:
         del columns["truth"]
+    ticks = np.arange(n)
     with BagWriter(path) as bag:
-        codecs = {}
-        for name, (shape, arrays) in columns.items():
+        for name, (shape, _) in columns.items():
             bag.add_channel(name, shape)
+        for name, (shape, arrays) in columns.items():
             sizes = {f.name: a.shape[1] for f, a in zip(shape.fields[2:], arrays, strict=True) if f.size == 0}
-            codecs[name] = Codec(shape, sizes)
-        for k in range(n):
-            for name, (_, arrays) in columns.items():
-                bag.write(name, codecs[name].pack([k, s["time"][k], *(a[k] for a in arrays)]), k, PERIOD)
+            sheet = Sheet(Codec(shape, sizes), n)
+            for field, values in zip(sheet.fields, (ticks, s["time"], *arrays), strict=True):
+                field[:] = values
+            bag.write(name, sheet.payloads, ticks, PERIOD)
 
 
 def make_run(
@@ -159,16 +161,7 @@ def make_run(
     return path
 
 
-STAMPS = {
-    "DriverTiming": ("due", "woke", "published", "command", "received", "applied", "continued"),
-    "ControllerTiming": ("waiting", "received", "computed", "published", "continued"),
-}
-"""The messages of the timing channels, one a tick: stamps in ns behind tick and time"""
 BUDGET = Budget(0.005, 1.25e-3)
-
-
-def stamps_definition(name: str) -> Definition:
-    return parse(name, "uint64 tick\nfloat64 time\n" + "".join(f"int64 {field}\n" for field in STAMPS[name]))
 
 
 def in_real_time(run: Path, loops: dict[str, Loop], setup: dict | None = None, one_clock: bool = True) -> Path:
@@ -191,7 +184,7 @@ def in_real_time(run: Path, loops: dict[str, Loop], setup: dict | None = None, o
                 write_rows(bag, name, shape, fields)
             for name, kind in zip(stamps, ("DriverTiming", "ControllerTiming"), strict=True):
                 fields = {**stamps[name], "time": stamps[name]["tick"] * PERIOD}
-                write_rows(bag, name, stamps_definition(kind), fields)
+                write_rows(bag, name, definition(kind), fields)
         certificate = summarise(terms_of(trial), BUDGET, stamps, setup, one_clock)
         (folder / "timing.json").write_text(json.dumps(certificate))
     (run / "plan.json").write_text(json.dumps(plan))
@@ -202,10 +195,11 @@ def in_real_time(run: Path, loops: dict[str, Loop], setup: dict | None = None, o
 def write_rows(bag: BagWriter, name: str, shape: Definition, fields: dict[str, np.ndarray]) -> None:
     """Write a channel's messages, one for each row."""
     bag.add_channel(name, shape)
-    codec = Codec(shape, {f.name: fields[f.name].shape[1] for f in shape.fields if f.size == 0})
-    for row in range(fields["tick"].size):
-        values = [fields[f.name][row] for f in shape.fields]
-        bag.write(name, codec.pack(values), int(fields["tick"][row]), PERIOD)
+    sizes = {f.name: fields[f.name].shape[1] for f in shape.fields if f.size == 0}
+    sheet = Sheet(Codec(shape, sizes), fields["tick"].size)
+    for field, values in zip(shape.fields, sheet.fields, strict=True):
+        values[:] = fields[field.name]
+    bag.write(name, sheet.payloads, fields["tick"], PERIOD)
 
 
 SIZES = {"small": 1.0, "large": 3.0}

@@ -45,7 +45,11 @@ class Sheet:
     def read(self, row: int, payload: bytes) -> None:
         """Put a message into a row. Raises ValueError if it has another length."""
         start = row * self._stride + _PAD
-        self._bytes[start : start + self._codec.size] = payload
+        try:
+            self._bytes[start : start + self._codec.size] = payload
+        except ValueError:
+            name, size = self._codec.definition.name, self._codec.size
+            raise ValueError(f"{name}: a message of {len(payload)} bytes, expected {size}") from None
 
     def write(self, row: int, *values: Any) -> None:
         """Write a message of numbers into a row; raises struct.error if the definition has arrays."""

@@ -61,7 +61,7 @@ class Recorder:
             self._bag.add_channel(name, definition)
 
     def store(self, name: str, payloads: NDArray[np.uint8]) -> None:
-        """Record the messages of some ticks, (N, bytes), in rising order."""
+        """Record the messages of some ticks, (N, bytes), in rising order; keeps no reference to them."""
         if payloads.shape[0] == 0:
             return
         # The first field of every message of a trial is its tick.
@@ -69,7 +69,8 @@ class Recorder:
         self._accounts[name].note(ticks)
         self._bag.write(name, payloads, ticks, self._period)
         if name in self._timing:
-            self._timing[name].append(payloads)
+            # A copy: the sender's next messages take the place of these, and a parcel has much besides them.
+            self._timing[name].append(payloads.copy())
 
     def write(self) -> None:
         """Write what has been stored to the disk, if it is enough for a chunk."""

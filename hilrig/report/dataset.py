@@ -183,12 +183,7 @@ def _pick(channel: dict[str, np.ndarray], ticks: np.ndarray) -> dict[str, np.nda
 def timing_table(channels: Channels, one_clock: bool = True) -> Table | None:
     """Return the stamps of a trial by tick; None if its bag has none, as that of a compiled trial."""
     driver = channels.get("driver_timing")
-    # Bags of before every tick was stamped say no command's tick.
-    return (
-        None
-        if driver is None or "command" not in driver
-        else join(driver, channels.get("controller_timing"), one_clock)
-    )
+    return None if driver is None else join(driver, channels.get("controller_timing"), one_clock)
 
 
 def _late(channels: Channels, document: Document, ticks: np.ndarray) -> Array:
@@ -196,8 +191,6 @@ def _late(channels: Channels, document: Document, ticks: np.ndarray) -> Array:
     table, late = timing_table(channels), np.zeros(ticks.size)
     if table is not None:
         late[np.isin(ticks, table.driver.tick[late_ticks(table, terms_of(document))])] = 1.0
-    elif "late" in (before := channels.get("driver_timing", {})):
-        late[np.isin(ticks, before["tick"][before["late"] != 0])] = 1.0
     return late
 
 

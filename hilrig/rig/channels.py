@@ -65,7 +65,10 @@ class Record(Sheets):
         """`put` sends one parcel. Raises RigError if the messages of one tick are too large for one."""
         tick = sum(codecs[name].size for name in names)
         if 2 * tick > LARGEST:
-            raise RigError(f"the record of a tick takes {tick} bytes; {LARGEST // 2} at most go over the bus")
+            raise RigError(
+                f"the record of a tick ({', '.join(names)}) takes {tick} bytes; the bus takes {LARGEST // 2} at most, "
+                "--in-process any number"
+            )
         super().__init__(codecs, names, min(PARCEL, LARGEST // tick))
         self._put = put
 

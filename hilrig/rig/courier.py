@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from queue import SimpleQueue
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from threading import Thread
 
 MOST = 1000
-"""Parcels that may wait, half a minute of them; the logger then misses those that come, and the trial says so"""
+"""Parcels that may wait, half a minute of them; the logger then misses the oldest, and the trial says so"""
 
 
 class Courier:
@@ -20,9 +21,14 @@ class Courier:
         self._thread.start()
 
     def send(self, message: bytes) -> None:
-        """Send a message soon, or drop it if too many wait already."""
-        if self._queue.qsize() < MOST:
-            self._queue.put(message)
+        """Send a message soon; if too many wait already, drop the one that waits longest.
+
+        Not this one: the last message is what the logger waits for.
+        """
+        if self._queue.qsize() >= MOST:
+            with suppress(Empty):
+                self._queue.get_nowait()
+        self._queue.put(message)
 
     def _carry(self) -> None:
         while (message := self._queue.get()) is not None:

@@ -148,7 +148,7 @@ def warm_up_plant(trial: Trial, codecs: Mapping[str, Codec]) -> None:
     """Do the first tick of the driver's half beside the trial: kernels are loaded or compiled before time counts."""
     half = PlantHalf(trial, codecs, {name: Sheet(codecs[name], 2) for name in ("state", "truth")}, 2)
     try:
-        for tick in range(2 if hasattr(half.plant, "kernels") else 1):
+        for tick in range(min(2, trial.ticks) if hasattr(half.plant, "kernels") else 1):
             half.measure(tick)
             half.advance(tick, None)
     except Tripped:
@@ -164,6 +164,6 @@ def warm_up_control(trial: Trial) -> dict[str, int]:
     half = ControlHalf(trial, codecs, {name: Sheet(codecs[name], 2) for name in ("command", "internals")}, 2)
     at_rest = (start_joint_position(trial), np.zeros(6), np.zeros(trial.driver.robot.joints))
     with suppress(Tripped):  # so will the trial itself, and tell
-        for tick in range(2):
+        for tick in range(min(2, trial.ticks)):
             half.answer(codecs["state"].pack((tick, tick * trial.period, *at_rest)))
     return memory

@@ -20,7 +20,8 @@ from rosbags.typesys import Stores, get_typestore
 from hilrig.errors import RunDirectoryError
 from hilrig.messages.codec import Codec, definition, extended
 from hilrig.recording.bag import read_bag
-from hilrig.recording.bag_writer import CHUNK_SIZE, BagWriter
+from hilrig.recording.bag_writer import BagWriter
+from hilrig.recording.recorder import CHUNK_SIZE
 
 PERIOD = 1e-3
 TICKS = 1500
@@ -42,13 +43,17 @@ def internals(tick: int) -> tuple:
     return (tick, tick * PERIOD, *numbers(tick, *[2] * len(COMMON), 3, 2))
 
 
-def write(path: Path) -> None:
+def write(path: Path, rows: int = 10) -> None:
+    """Write so many ticks at a time, and end a chunk where it is large enough, as the rig does."""
     with BagWriter(path) as bag:
         bag.add_channel("state", STATE.definition)
         bag.add_channel("internals", INTERNALS.definition)
-        for tick in range(TICKS):
-            bag.write("state", STATE.pack(state(tick)), tick, PERIOD)
-            bag.write("internals", INTERNALS.pack(internals(tick)), tick, PERIOD)
+        for first in range(0, TICKS, rows):
+            ticks = np.arange(first, first + rows)
+            for name, codec, values in (("state", STATE, state), ("internals", INTERNALS, internals)):
+                payloads = [np.frombuffer(codec.pack(values(tick)), np.uint8) for tick in ticks]
+                bag.write(name, np.stack(payloads), ticks, PERIOD)
+            bag.end_chunk(CHUNK_SIZE)
 
 
 @pytest.fixture(scope="module")
@@ -108,25 +113,6 @@ def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
     other.write_bytes(b"name,value\n1,2\n" * 100)
     with pytest.raises(RunDirectoryError, match="not a readable MCAP file"):
         read_bag(other)
-
-
-@pytest.mark.parametrize("name", ["DriverTiming", "ControllerTiming"])
-def test_timing_comes_out_one_row_per_tick(tmp_path: Path, name: str) -> None:
-    """With its tick: the one it names where ticks can be missed, else counted on."""
-    form = definition(name)
-    columns = [field.name for field in form.fields[1:]]
-    ticks = np.array([0, 1, 4, 5, 9] if "ticks" in columns else [0, 1, 2, 3, 4])
-    with BagWriter(tmp_path / "bag.mcap") as bag:
-        bag.add_channel("timing", form)
-        for part in (slice(0, 3), slice(3, 5)):
-            rows, first = np.arange(5)[part], int(ticks[part][0])
-            values = [ticks[part] if column == "ticks" else rows + 10 * i for i, column in enumerate(columns)]
-            bag.write("timing", Codec(form, dict.fromkeys(columns, len(rows))).pack((first, *values)), first, PERIOD)
-    table = read_bag(tmp_path / "bag.mcap")["timing"]
-    np.testing.assert_array_equal(table["tick"], ticks)
-    for i, column in enumerate(columns):
-        if column != "ticks":
-            np.testing.assert_array_equal(table[column], np.arange(5) + 10 * i)
 
 
 def test_rosbags_opens_and_decodes_the_bag(bag: Path) -> None:
@@ -189,23 +175,25 @@ def check_index(path: Path) -> None:
     assert summary.statistics.message_end_time == (TICKS - 1) * 1_000_000
 
 
-def test_rows_are_recorded_as_messages_are(bag: Path, tmp_path: Path) -> None:
-    """Many ticks at a time, in chunks that the writer is told to end, or one by one: the same record."""
-    with BagWriter(tmp_path / "rows.mcap") as writer:
-        writer.add_channel("state", STATE.definition)
-        writer.add_channel("internals", INTERNALS.definition)
-        for first in range(0, TICKS, 500):
-            ticks = np.arange(first, first + 500)
-            for name, codec, values in (("state", STATE, state), ("internals", INTERNALS, internals)):
-                payloads = [np.frombuffer(codec.pack(values(tick)), np.uint8) for tick in ticks]
-                writer.write_rows(name, np.stack(payloads), ticks, PERIOD)
-            writer.end_chunk()
-    one_by_one, rows = read_bag(bag), read_bag(tmp_path / "rows.mcap")
-    for channel, fields in one_by_one.items():
-        for name, expected in fields.items():
-            np.testing.assert_array_equal(rows[channel][name], expected)
+@pytest.mark.parametrize("rows", [1, 500])
+def test_any_number_of_rows_at_a_time_is_the_same_record(bag: Path, tmp_path: Path, rows: int) -> None:
+    write(tmp_path / "rows.mcap", rows)
+    expected, found = read_bag(bag), read_bag(tmp_path / "rows.mcap")
+    for channel, fields in expected.items():
+        for name, values in fields.items():
+            np.testing.assert_array_equal(found[channel][name], values)
     check_index(bag)
     check_index(tmp_path / "rows.mcap")
     with (tmp_path / "rows.mcap").open("rb") as file:
-        found = make_reader(file, validate_crcs=True).iter_messages(["/internals"], starting_at=700_000_000)
-        assert next(iter(found))[2].data == INTERNALS.pack(internals(700))
+        messages = make_reader(file, validate_crcs=True).iter_messages(["/internals"], starting_at=700_000_000)
+        assert next(iter(messages))[2].data == INTERNALS.pack(internals(700))
+
+
+def test_a_missed_tick_keeps_its_number_and_its_time(tmp_path: Path) -> None:
+    ticks = np.array([0, 1, 4, 5, 9])
+    with BagWriter(tmp_path / "bag.mcap") as bag:
+        bag.add_channel("state", STATE.definition)
+        bag.write("state", np.stack([np.frombuffer(STATE.pack(state(k)), np.uint8) for k in ticks]), ticks, PERIOD)
+    with (tmp_path / "bag.mcap").open("rb") as file:
+        found = [(message.sequence, message.log_time) for _, _, message in make_reader(file).iter_messages()]
+    assert found == [(k, k * 1_000_000) for k in ticks]

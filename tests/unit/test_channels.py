@@ -2,105 +2,102 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
-from builders import PERIOD, arm, state, trial
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hilrig.loop import Answer
-from hilrig.messages.codec import Codec, Definition, definition, sizes_in
-from hilrig.rig.channels import BATCH, DRIVER, Codecs, Record, Stamps, internals_definition, unpack_parcel
-from hilrig.signals import Array, Command, Measurement, Reference, Truth
+from hilrig.errors import RigError
+from hilrig.messages.layouts import layouts
+from hilrig.rig.channels import CONTROLLER, DRIVER, LARGEST, NAMES, PARCEL, Record, Sheets, unpack_parcel
 
 MEMORY = {"gains": 3, "estimate": 2}
+CODECS = layouts(2, 2, MEMORY)
 
 
-class Memory(NamedTuple):
-    gains: Array
-    estimate: Array
+def unpacked(parcels: list[bytes]) -> tuple[dict[str, bytes], dict[str, int]]:
+    """Return the messages of each channel, one behind the other, and what the sender said of their number."""
+    messages, counts = dict.fromkeys(NAMES, b""), {}
+    for parcel in parcels:
+        for name, payloads, count in unpack_parcel(parcel):
+            if count is None:
+                assert name not in counts, "a message behind the end of its channel"
+                messages[name] += payloads.tobytes()
+            else:
+                counts[name] = count
+    return messages, counts
 
 
-def fields(form: Definition, payload: bytes) -> dict[str, Any]:
-    """Return what a message says, by the names of its definition."""
-    values = Codec(form, sizes_in(form, payload)).unpack(payload)
-    return {field.name: value for field, value in zip(form.fields, values, strict=True)}
-
-
-def assert_says(form: Definition, payload: bytes, **wanted: Any) -> None:
-    """Check that a message of tick 7 holds these fields and no other."""
-    found = fields(form, payload)
-    assert found.keys() == {"tick", "time", *wanted}
-    assert (found["tick"], found["time"]) == (7, 7 * PERIOD)
-    for name, value in wanted.items():
-        np.testing.assert_array_equal(found[name], value, err_msg=name)
-
-
-def test_every_signal_stands_under_its_name() -> None:
-    random, codecs = np.random.default_rng(1), Codecs(trial(), MEMORY)
-    measurement = Measurement(*(random.normal(size=size) for size in (2, 6, 2)))
-    truth = Truth(*(random.normal(size=size) for size in (2, 2, 2, 2, 6)), 0.35)
-    assert_says(definition("State"), codecs.state(7, measurement), **measurement._asdict())
-    assert_says(definition("Truth"), codecs.truth(7, truth), **truth._asdict())
-
-    seen = state(arm(), *random.normal(size=(4, 2)))
-    command, wanted = Command(*random.normal(size=(2, 2))), Reference(*random.normal(size=(4, 2)))
-    answer = Answer(command, seen, wanted, Memory(random.normal(size=3), random.normal(size=2)))
-    assert_says(definition("Command"), codecs.command(7, answer), **command._asdict())
-    assert_says(
-        internals_definition(MEMORY), codecs.internals(7, answer),
-        position=seen.position, velocity=seen.velocity, force=seen.force, **answer.memory._asdict(),
-        **{f"reference_{name}": value for name, value in wanted._asdict().items()},
-    )  # fmt: skip
-
-
-class Post:
-    """Keeps what an outbox would send."""
-
-    def __init__(self) -> None:
-        self.parcels: list[bytes] = []
-
-    def put(self, payload: bytes) -> None:
-        self.parcels.append(payload)
-
-
-@given(
-    items=st.lists(st.tuples(st.sampled_from(DRIVER), st.binary(max_size=300)), max_size=80),
-    every=st.integers(1, 10),
-)
-def test_what_was_added_arrives_in_order_with_its_counts(items: list[tuple[str, bytes]], every: int) -> None:
-    post = Post()
-    record = Record(post, DRIVER)  # pyright: ignore[reportArgumentType]
-    for i, (name, payload) in enumerate(items):
-        record.add(name, payload)
-        if i % every == 0:
+@given(ticks=st.integers(0, 3 * PARCEL), every=st.integers(1, PARCEL), truthful=st.booleans())
+def test_what_was_written_arrives_in_order_with_its_counts(ticks: int, every: int, truthful: bool) -> None:
+    """However often it is handed over, and though every row is written over again."""
+    parcels: list[bytes] = []
+    record = Record(parcels.append, CODECS, DRIVER)
+    sent = dict.fromkeys(NAMES, b"")
+    written = [name for name in DRIVER if truthful or name != "truth"]
+    row = 0
+    for tick in range(ticks):
+        for name in written:
+            fields = record.sheets[name].fields
+            for i, field in enumerate(fields):
+                field[row] = tick if i == 0 else tick + i
+            record.written[name] = row + 1
+            sent[name] += record.sheets[name].message(row)
+        row += 1
+        if row == every:
             record.ship()
+            row = 0
     record.end()
-    frames = [frame for parcel in post.parcels for frame in unpack_parcel(parcel)]
-    assert [(name, payload) for name, payload, count in frames if count is None] == items
-    counts = {name: count for name, _, count in frames if count is not None}
-    assert counts == {name: sum(item[0] == name for item in items) for name in DRIVER}
+    messages, counts = unpacked(parcels)
+    assert messages == sent
+    assert counts == {name: ticks * (name in written) for name in DRIVER}
+    assert all(len(parcel) <= LARGEST + 100 for parcel in parcels)
 
 
-def test_nothing_to_keep_is_not_counted() -> None:
-    post = Post()
-    record = Record(post, DRIVER)  # pyright: ignore[reportArgumentType]
-    record.add("driver_timing", None)
+def test_nothing_is_sent_of_nothing() -> None:
+    parcels: list[bytes] = []
+    record = Record(parcels.append, CODECS, CONTROLLER)
+    record.ship()
+    assert parcels == []
     record.end()
-    assert all(count == 0 for _, _, count in unpack_parcel(post.parcels[0]))
+    assert unpacked(parcels) == (dict.fromkeys(NAMES, b""), dict.fromkeys(CONTROLLER, 0))
 
 
-def test_stamps_come_in_batches_and_the_rest_at_the_end() -> None:
-    stamps = Stamps("DriverTiming", 5)
-    messages = [stamps.note(tick, *(tick * 10 + i for i in range(5))) for tick in range(BATCH + 3)]
-    full = [message for message in messages if message is not None]
-    rest = stamps.flush()
-    assert len(full) == 1
-    assert rest is not None
-    assert stamps.flush() is None
-    form = definition("DriverTiming")
-    first, *columns = Codec(form, sizes_in(form, rest)).unpack(rest)
-    assert first == BATCH
-    np.testing.assert_array_equal(columns[0], [2560, 2570, 2580])
-    np.testing.assert_array_equal(columns[4], [2564, 2574, 2584])
+@given(st.integers(1, 4000))
+def test_no_parcel_is_larger_than_the_bus_takes(size: int) -> None:
+    """Whatever a law remembers: fewer ticks at a time, or it is refused before the trial begins."""
+    codecs = layouts(2, 2, {"table": size})
+    tick = sum(codecs[name].size for name in CONTROLLER)
+    if 2 * tick > LARGEST:
+        with pytest.raises(RigError, match=f"takes {tick} bytes"):
+            Record(lambda parcel: None, codecs, CONTROLLER)
+        return
+    parcels: list[bytes] = []
+    record = Record(parcels.append, codecs, CONTROLLER)
+    assert 2 <= record.rows <= PARCEL
+    record.wrote(record.rows - 1)
+    record.ship()
+    assert len(parcels[0]) < 65_000
+    assert unpacked(parcels)[0]["internals"] == record.sheets["internals"].payloads.tobytes()
+
+
+def test_a_law_that_remembers_too_much_is_told_the_limit() -> None:
+    with pytest.raises(RigError) as caught:
+        Record(lambda parcel: None, layouts(2, 2, {"table": 4000}), CONTROLLER)
+    assert str(caught.value) == (
+        "the record of a tick (command, internals, controller_timing) takes 32316 bytes; the bus takes 30000 at most, "
+        "--in-process any number"
+    )
+
+
+def test_channels_may_have_different_numbers_of_rows() -> None:
+    """Where a trial ends within a tick: the state is there, its command is not."""
+    sheets = Sheets(CODECS, NAMES, 4)
+    sheets.wrote(2)
+    sheets.written["command"] = 2
+    rows = {name: payloads.shape for name, payloads in sheets.hand_over()}
+    assert rows["state"] == (3, CODECS["state"].size)
+    assert rows["command"] == (2, CODECS["command"].size)
+    assert list(sheets.hand_over()) == []
+    assert (sheets.counts["state"], sheets.counts["command"]) == (3, 2)
+    assert np.count_nonzero(list(sheets.written.values())) == 0

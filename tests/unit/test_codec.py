@@ -98,12 +98,25 @@ def test_columns_stack_the_fields_of_many_messages() -> None:
 
 @pytest.mark.parametrize("name", MESSAGES)
 @given(data=st.data())
-def test_many_messages_at_once_are_the_bytes_of_each(name: str, data: st.DataObject) -> None:
+def test_a_table_has_the_fields_of_each_message(name: str, data: st.DataObject) -> None:
+    """Of rows that lie apart, too, as those of a sheet do."""
     codec, values = data.draw(messages(name))
-    rows = [values, [np.zeros_like(value) if isinstance(value, np.ndarray) else 0 for value in values], values]
-    types = [field.type for field in codec.definition.fields]
-    packed = codec.pack_rows([np.array(column, kind) for *column, kind in zip(*rows, types, strict=True)])
-    assert [row.tobytes() for row in packed] == [codec.pack(row) for row in rows]
+    rows = np.zeros((3, codec.size + 5), np.uint8)
+    rows[:, 3:-2] = np.frombuffer(codec.zero(), np.uint8)
+    rows[1, 3:-2] = np.frombuffer(codec.pack(values), np.uint8)
+    table = codec.table(rows[:, 3:-2])
+    assert list(table) == [field.name for field in codec.definition.fields]
+    for column, value in zip(table.values(), values, strict=True):
+        np.testing.assert_array_equal(column[1], value)
+        assert not column[[0, 2]].any()
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+@given(data=st.data())
+def test_a_message_of_zeros_has_its_lengths(name: str, data: st.DataObject) -> None:
+    codec, values = data.draw(messages(name))
+    zeros = [np.zeros_like(value) if isinstance(value, np.ndarray) else 0 for value in values]
+    assert codec.zero() == codec.pack(zeros)
 
 
 def test_unpacked_arrays_are_the_readers_own() -> None:

@@ -148,14 +148,14 @@ def test_a_signal_between_two_blocks_records_no_block_twice(tmp_path: Path, monk
 @pytest.mark.parametrize("at", [1, BLOCK + 1, 5 * BLOCK + 1])
 def test_a_record_that_cannot_be_written_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at: int) -> None:
     """Also if someone wants an end before anybody has asked the thread."""
-    store = Recorder.store_rows
+    store = Recorder.store
 
-    def full(self: Recorder, name: str, payloads: Any, ticks: Any) -> None:
-        if ticks.size and ticks[0] >= at:
+    def full(self: Recorder, name: str, payloads: Any) -> None:
+        if payloads.shape[0] and int.from_bytes(payloads[0, 4:12].tobytes(), "little") >= at:
             raise OSError("no space left on device")
-        store(self, name, payloads, ticks)
+        store(self, name, payloads)
 
     subject = trial(controller=Pd())
-    monkeypatch.setattr(Recorder, "store_rows", full)
+    monkeypatch.setattr(Recorder, "store", full)
     with pytest.raises(OSError, match="no space left"):
         run_in_process(tmp_path, subject, *stopping(at + BLOCK))

@@ -40,14 +40,24 @@ def channels() -> dict[str, dict[str, np.ndarray]]:
             "reference_velocity": column(internals, 50.1, 50.2),
             "reference_acceleration": column(internals, 60.1, 60.2), "reference_force": column(internals, 70.1, 70.2),
         },
-        "driver_timing": {"tick": np.arange(10), "late": np.array([0, 0, 1, 1, 0, 0, 0, 0, 1, 0])},
+        "driver_timing": driver_timing(),
+    }  # fmt: skip
+
+
+def driver_timing() -> dict[str, np.ndarray]:
+    """Return stamps by which ticks 2 and 3 had an older command than that of two ticks before, and 8 overran."""
+    tick = np.arange(10, dtype=np.uint64)
+    due = 10**9 + 10**6 * np.arange(10)
+    after = np.array([100, 100, 100, 100, 999_999, 100, 100, 100, 1_000_000, 100])
+    return {
+        "tick": tick, "due": due, "applied": due + after, "command": np.array([-1, -1, -1, 0, 2, 3, 4, 5, 6, 7]),
     }  # fmt: skip
 
 
 def aligned(*without: str) -> TrialSignals:
     """Align `channels`, but for those left out."""
     kept = {name: fields for name, fields in channels().items() if name not in without}
-    signals = align(kept, trial_document("a", "quiet", 0, PHASES))
+    signals = align(kept, {**trial_document("a", "quiet", 0, PHASES), "clock": "realtime", "actuation_delay": 2})
     assert signals is not None
     return signals
 
@@ -68,6 +78,13 @@ def test_channels_are_brought_onto_their_common_ticks() -> None:
     assert (signals.record.axes, signals.record.phases, signals.record.period) == (("x", "z"), 2, PERIOD)
     assert list(signals.internals) == ["gains"]
     np.testing.assert_array_equal(signals.internals["gains"], 2.0 * COMMON[:, None])
+
+
+def test_in_lockstep_no_tick_is_late() -> None:
+    document = {**trial_document("a", "quiet", 0, PHASES), "clock": "lockstep", "actuation_delay": 2}
+    signals = align(channels(), document)
+    assert signals is not None
+    assert not signals.record.late.any()
 
 
 def test_acceleration_is_the_slope_over_time_across_a_gap() -> None:
