@@ -75,7 +75,7 @@ def test_no_parcel_is_larger_than_the_bus_takes(size: int) -> None:
     parcels: list[bytes] = []
     record = Record(parcels.append, codecs, CONTROLLER)
     assert 2 <= record.rows <= PARCEL
-    record.wrote(record.rows - 1)
+    record.wrote(record.rows - 1, tuple(record.written))
     record.ship()
     assert len(parcels[0]) < 65_000
     assert unpacked(parcels)[0]["internals"] == record.sheets["internals"].payloads.tobytes()
@@ -93,7 +93,7 @@ def test_a_law_that_remembers_too_much_is_told_the_limit() -> None:
 def test_channels_may_have_different_numbers_of_rows() -> None:
     """Where a trial ends within a tick: the state is there, its command is not."""
     sheets = Sheets(CODECS, NAMES, 4)
-    sheets.wrote(2)
+    sheets.wrote(2, tuple(sheets.written))
     sheets.written["command"] = 2
     rows = {name: payloads.shape for name, payloads in sheets.hand_over()}
     assert rows["state"] == (3, CODECS["state"].size)

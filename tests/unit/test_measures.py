@@ -50,7 +50,8 @@ def driver_timing() -> dict[str, np.ndarray]:
     due = 10**9 + 10**6 * np.arange(10)
     after = np.array([100, 100, 100, 100, 999_999, 100, 100, 100, 1_000_000, 100])
     return {
-        "tick": tick, "due": due, "applied": due + after, "command": np.array([-1, -1, -1, 0, 2, 3, 4, 5, 6, 7]),
+        "tick": tick, "due": due, "woke": due, "published": due + 50, "received": due - 100, "applied": due + after,
+        "command": np.array([-1, -1, -1, 0, 2, 3, 4, 5, 6, 7]), "continued": np.zeros(10, dtype=np.int64),
     }  # fmt: skip
 
 

@@ -23,6 +23,7 @@ import sys, time
 from hilrig.rig.continuations import Continuations
 
 noted = Continuations()
+noted.listen()
 print(noted.last, flush=True)
 for line in sys.stdin:
     deadline, before = time.monotonic() + 20.0, int(line)
