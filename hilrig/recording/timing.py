@@ -26,11 +26,9 @@ def terms_of(document: Mapping[str, Any]) -> Terms:
     return Terms(document.get("clock", "lockstep"), document["period"], document.get("actuation_delay", 1))
 
 
-def budget_of(document: Mapping[str, Any]) -> Budget:
-    """Return what the loop of a trial may take, from its document in the plan."""
-    budget = TimingBudget(**document.get("timing", {}))
-    age = budget.command_age_limit(document["period"], document.get("actuation_delay", 1))
-    return Budget(budget.late_fraction, age)
+def budget_of(timing: TimingBudget, terms: Terms) -> Budget:
+    """Return what the loop of a trial may take."""
+    return Budget(timing.late_fraction, timing.command_age_limit(terms.period, terms.actuation_delay))
 
 
 def summarise(

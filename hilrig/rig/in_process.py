@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from hilrig.certificate.durations import Terms
 from hilrig.compiled.trial import Block, CompiledTrial, can_compile, warm_up
 from hilrig.errors import Stopped
 from hilrig.loop import Answer, ControlSide, Ending, PlantSide, do_ticks, warm_up_control, warm_up_plant
@@ -15,7 +16,7 @@ from hilrig.messages.codec import Codec
 from hilrig.messages.layouts import definitions, layouts
 from hilrig.recording.recorder import TIMING, Recorder
 from hilrig.recording.run_directory import trial_directory, write_json
-from hilrig.recording.timing import budget_of, summarise, terms_of
+from hilrig.recording.timing import budget_of, summarise
 from hilrig.rig.channels import NAMES, Sheets
 from hilrig.rig.clock import PROGRESS, Pacer
 from hilrig.rig.halves import internals, write
@@ -136,7 +137,7 @@ def run_in_process(
     codecs = layouts(trial.driver.robot.joints, len(trial.axes), memory)
     plant, control = PlantSide(trial), ControlSide(trial)
     began = time.monotonic()
-    document = trial.to_document()
+    terms = Terms(trial.clock, trial.period, trial.actuation_delay)
     with Recorder(directory, trial.period, definitions(memory)) as recorder:
         wire = DirectWire(trial, control, recorder, codecs, report, stop)
         try:
@@ -145,7 +146,7 @@ def run_in_process(
             plant.close()
             wire.end()
         summary = recorder.summary()
-        timing = summarise(terms_of(document), budget_of(document), recorder.timing())
+        timing = summarise(terms, budget_of(trial.timing, terms), recorder.timing())
         write_json(directory / "timing.json", timing)
     return Outcome.of(trial, *ending, time.monotonic() - began, summary, wire.loop_s or None)
 

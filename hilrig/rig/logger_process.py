@@ -14,6 +14,7 @@ from hilrig.rig.bus import Inbox
 from hilrig.rig.channels import NAMES, unpack_parcel
 from hilrig.rig.child import Child, main
 from hilrig.rig.view_maker import Views
+from hilrig.trial import TimingBudget
 
 
 def work(child: Child) -> None:
@@ -29,7 +30,8 @@ def work(child: Child) -> None:
         except Stopped:
             record_rest(parcels, recorder, views)
         views.end()
-        timing = summarise(terms_of(trial), budget_of(trial), recorder.timing(), order["setup"])
+        terms, allowed = terms_of(trial), TimingBudget(**trial["timing"])
+        timing = summarise(terms, budget_of(allowed, terms), recorder.timing(), order["setup"])
         write_json(directory / "timing.json", timing)
         summary = recorder.summary()
     child.tell("done", channels=summary)
