@@ -35,7 +35,10 @@ class Arrivals:
     def _listen(self) -> None:
         message = b"?"
         while message:
-            message = self._inbox.take()
+            try:
+                message = self._inbox.take()
+            except Exception:  # the bus is closed: nothing comes any more, as if this had been said
+                message = b""
             self._arrived.append((time.monotonic_ns(), message))
 
     def take(self) -> tuple[int, bytes] | None:

@@ -130,6 +130,33 @@ def test_a_trip_within_a_block_leaves_what_was_done(tmp_path: Path) -> None:
     assert_recorded_once(tmp_path, subject, outcome.ticks, outcome.ticks)
 
 
+@dataclass(frozen=True)
+class NotFinite:
+    """A law that never knows what to do."""
+
+    def start(self, task: Task, state: State) -> Law:
+        def step(parameters: object, memory: object, state: State, reference: Reference) -> Array:
+            return np.full(2, np.nan)
+
+        return Law(step, None, ())
+
+
+def test_a_trip_at_the_first_tick_is_no_fault_of_the_warm_up(tmp_path: Path) -> None:
+    """The state that tripped a limit is not recorded; one that the law made nothing of is."""
+    pressed = trial(controller=Pd(), limits=Limits(tip_force=1.0), start_position=(0.1, 0.36))
+    outcome = run_in_process(tmp_path / "limit", pressed)
+    assert (outcome.outcome, outcome.ticks) == ("tripped", 0)
+    assert outcome.reason == "tip force 8 N at t = 0 s (tick 0) is over the limit of 1 N"
+    assert recorded(tmp_path / "limit", pressed) == {}
+    lost = trial(controller=NotFinite())
+    outcome = run_in_process(tmp_path / "law", lost)
+    assert (outcome.outcome, outcome.ticks) == ("tripped", 0)
+    assert outcome.reason == "tick 0: the torque of controller 'mine' is not finite: [nan nan]"
+    assert {name: rows["tick"].tolist() for name, rows in recorded(tmp_path / "law", lost).items()} == {
+        "state": [0], "truth": [0],
+    }  # fmt: skip
+
+
 def test_a_signal_between_two_blocks_records_no_block_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     do = CompiledTrial.do
 

@@ -78,6 +78,22 @@ def test_arrivals_are_stamped_when_they_come_not_when_they_are_taken() -> None:
         assert before <= moment <= after
 
 
+def test_a_bus_that_is_closed_is_the_last_to_come() -> None:
+    """The thread that listens ends, without a word in the trial's log."""
+
+    class Closed:
+        def take(self) -> bytes:
+            raise RuntimeError("channel is empty and closed")
+
+    box: Any = Closed()
+    arrivals = Arrivals(box)
+    assert within(20.0, lambda: bool(arrivals._arrived))  # pyright: ignore[reportPrivateUsage]
+    arrival = arrivals.take()
+    assert arrival is not None
+    assert arrival[1] == b""
+    assert arrivals.take() is None
+
+
 @given(st.lists(st.binary(max_size=20), max_size=50))
 def test_a_courier_brings_all_in_order(messages: list[bytes]) -> None:
     brought: list[bytes] = []
