@@ -53,8 +53,12 @@ COMPARISONS = (
         ratio(("lockstep", "loop_steps_per_s"), ("zenoh.back_to_back", "rate_hz")), low=0.75,
     ),
     Comparison(
-        "overhead_us", "hilrig's round trip in lockstep above the bare one, p50", "us",
-        lambda r: r["lockstep"]["round_trip_p50_us"] - r["zenoh.back_to_back"]["round_trip_p50_us"], high=40.0,
+        "exchange_to_bare", "the same, each command awaited (actuation_delay 0)", "",
+        ratio(("lockstep.exchange", "loop_steps_per_s"), ("zenoh.back_to_back", "rate_hz")),
+    ),
+    Comparison(
+        "overhead_us", "hilrig's round trip above the bare one, p50", "us",
+        lambda r: r["lockstep.exchange"]["round_trip_p50_us"] - r["zenoh.back_to_back"]["round_trip_p50_us"], high=40.0,
     ),
     Comparison(
         "paced_overhead_us", "hilrig's round trip in real time above the bare paced one, p50", "us",

@@ -18,7 +18,7 @@ Sample = Mapping[str, float]
 PERIOD = 1e-3
 """s"""
 GROUPS = ("bus", "lockstep", "realtime", "load", "unprivileged", "watch", "certificate")
-TRIALS = ("lockstep", "lockstep.watched", "lockstep.uncertified", "in_process")
+TRIALS = ("lockstep", "lockstep.exchange", "lockstep.watched", "lockstep.uncertified", "in_process")
 PUNCTUAL = (
     *(f"{who}{how}" for how in ("", ".loaded", ".unprivileged") for who in ("realtime", "cyclictest")),
     "realtime.watched",
@@ -118,6 +118,10 @@ def _lockstep(settings: Settings) -> list[Measurand]:
     plain = TrialCall(settings.lockstep, clock)
     return [
         _trial("lockstep", ("bus", "lockstep", "watch", "certificate"), "hilrig run in lockstep, over the bus", plain),
+        _trial(
+            "lockstep.exchange", ("bus", "lockstep"), "the same, each command awaited (actuation_delay 0)",
+            TrialCall(settings.lockstep, (*clock, "--set", "actuation_delay=0")),
+        ),
         _trial(
             "lockstep.uncertified", ("certificate",), "hilrig run in lockstep, no time stamps",
             TrialCall(settings.lockstep, (*clock, *WITHOUT_CERTIFICATE)), _no_switch,

@@ -63,7 +63,7 @@ def _verdict(met: bool | None) -> str:
 
 def _round_trips(found: Document) -> Iterator[Table]:
     for kind, own, words in (
-        ("back_to_back", "lockstep", "back to back"),
+        ("back_to_back", "lockstep.exchange", "back to back"),
         ("paced", "realtime", "one each millisecond"),
     ):
         names = [name for name in found["measurands"] if name.endswith(f".{kind}")]

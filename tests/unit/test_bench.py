@@ -153,7 +153,7 @@ def test_names_and_measurands_agree() -> None:
     groups = {group for item in everything for group in item.groups}
     assert {item.name for item in everything} | groups == set(names())
     assert [item.name for item in measurands(Settings(), Sizes(1, 1), False, ["certificate"])] == [
-        "lockstep", "lockstep.uncertified",
+        "lockstep", "lockstep.exchange", "lockstep.uncertified",
     ]  # fmt: skip
     assert [item.name for item in measurands(Settings(), Sizes(1, 1), False, ["lcm.paced"])] == ["lcm.paced"]
 
@@ -201,6 +201,13 @@ def document() -> dict[str, Any]:
             "round_trip_p50_us": 100.0,
             "round_trip_p99_us": 200.0,
         },
+        "lockstep.exchange": {
+            "ticks": 20.0,
+            "steps_per_s": 7000.0,
+            "loop_steps_per_s": 8000.0,
+            "round_trip_p50_us": 100.0,
+            "round_trip_p99_us": 200.0,
+        },
         "realtime": {"ticks": 1000.0, "late": 2.0, "late_fraction": 0.002, "lateness_p50_us": 3.0},
     }
     listed = [Measurand(name, (), f"what {name} is", dict) for name in samples]
@@ -222,7 +229,7 @@ def test_tables_show_medians_limits_and_what_is_missing(document: dict[str, Any]
     shown = {table.title: table for table in tables(document)}
     assert all(len(set(table.columns)) == len(table.columns) for table in shown.values())
     assert all(len(row) == len(table.columns) for table in shown.values() for row in table.rows)
-    (rate, overhead) = shown["Comparisons"].rows
+    (rate, _, overhead) = shown["Comparisons"].rows
     assert rate[1:] == ["0.8 (0.8 to 0.8)", "at least 0.75", "yes"]
     assert overhead[1:] == ["10 (10 to 10) us", "at most 40 us", "yes"]
     own, bare = shown["Round trips, back to back [us]"].rows
