@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -19,18 +19,7 @@ from hilrig.interfaces import Begin, Law, Plant, Robot, Task
 from hilrig.kernel import kernel
 from hilrig.law_memory import memory_sizes
 from hilrig.safety import Monitor
-from hilrig.signals import (
-    WRENCH_AXES,
-    Array,
-    Command,
-    Inputs,
-    Measurement,
-    Nudge,
-    Reference,
-    State,
-    Truth,
-    nudge,
-)
+from hilrig.signals import WRENCH_AXES, Array, Command, Inputs, Measurement, Nudge, Reference, State, Truth, nudge
 from hilrig.trial import Trial, inputs, make_task, references, start_joint_position
 
 
@@ -180,14 +169,9 @@ def limit(torque: Array, wished: Array, largest: Array) -> bool:
 
 def warm_up_plant(trial: Trial) -> None:
     """Run one tick of the driver's half beside the trial: its kernels are loaded, or compiled, before time counts."""
-    side = PlantSide(trial)
-    try:
+    with closing(PlantSide(trial)) as side, suppress(Tripped):  # so will the trial itself, and tell
         side.measure(0)
         side.advance(0, None)
-    except Tripped:
-        pass  # so will the trial itself, and tell
-    finally:
-        side.close()
 
 
 def warm_up_control(trial: Trial) -> dict[str, int]:
