@@ -86,7 +86,8 @@ class Codec:
                 layout, offset = layout + f"{gap}x" * bool(gap), offset + gap
             self._plan.append((field.name, count, is_sequence, field.size is None, offset, dtype))
             layout, offset = layout + f"{count}{letter}" * bool(count), offset + count * width
-        self._struct = struct.Struct(layout)
+        self.layout = struct.Struct(layout)
+        """Of the whole message: the header, then lengths and values in the order of the fields"""
         self._words = [
             (count, is_scalar, (at - len(CDR_HEADER)) // 8, np.dtype(dtype))
             for _, count, _, is_scalar, at, dtype in self._plan
@@ -106,16 +107,12 @@ class Codec:
                 flat.append(value)
             else:
                 flat.extend(value.tolist())
-        return self._struct.pack(*flat)
+        return self.layout.pack(*flat)
 
     def zero(self) -> bytes:
         """Return the message in which every value is zero."""
         fields = ((count, is_scalar, dtype) for _, count, _, is_scalar, _, dtype in self._plan)
         return self.pack([0 if is_scalar else np.zeros(count, dtype) for count, is_scalar, dtype in fields])
-
-    def pack_into(self, buffer: memoryview, offset: int, values: Sequence[float]) -> None:
-        """Write a message of numbers alone, without arrays, at `offset`. Raises struct.error if it has arrays."""
-        self._struct.pack_into(buffer, offset, CDR_HEADER, *values)
 
     def unpack(self, payload: bytes) -> list[Any]:
         """Return the values in order: numbers, and arrays (of a copy) for everything else.

@@ -5,7 +5,7 @@ A message that lies ready costs the loop neither a list of its numbers nor a cal
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,8 @@ class Sheet:
             name, size = self._codec.definition.name, self._codec.size
             raise ValueError(f"{name}: a message of {len(payload)} bytes, expected {size}") from None
 
-    def write(self, row: int, *values: Any) -> None:
-        """Write a message of numbers into a row; raises struct.error if the definition has arrays."""
-        self._codec.pack_into(self._bytes, row * self._stride + _PAD, values)
+    def write(self, rows: Iterable[tuple[float, ...]]) -> None:
+        """Write messages of numbers into the first rows; raises struct.error if the definition has arrays."""
+        pack_into, memory, stride = self._codec.layout.pack_into, self._bytes, self._stride
+        for row, values in enumerate(rows):
+            pack_into(memory, row * stride + _PAD, CDR_HEADER, *values)

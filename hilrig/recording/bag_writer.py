@@ -75,9 +75,9 @@ class BagWriter:
         start, end = self._span
         self._span = (min(first, start), max(last, end))
 
-    def end_chunk(self, least: int = 0) -> None:
-        """Write what has been collected to the disk, with its index, if it has messages and `least` bytes."""
-        if not self._entries or len(self._content) < least:
+    def end_chunk(self) -> None:
+        """Write what has been collected to the disk, with its index. A chunk without messages is not written."""
+        if not self._entries:
             return
         data = lz4.frame.compress(self._content)
         span = dict(zip(("message_start_time", "message_end_time"), self._span, strict=True))

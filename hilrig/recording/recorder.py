@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from hilrig.messages.codec import Codec, Definition
 from hilrig.recording.bag_writer import BagWriter
 
-CHUNK_SIZE = 64 * 1024
-"""Bytes of a chunk at least: what a crash may lose, and the blocks of ticks that came with it"""
+CHUNK_SIZE = 128 * 1024
+"""Bytes of a chunk at least, a tenth of a second at 1 ms: what a crash may lose, and what came with it"""
 MOST_GAPS = 20
 """Gaps listed per channel; all of them are counted."""
 TIMING = ("driver_timing", "controller_timing")
@@ -56,25 +56,32 @@ class Recorder:
         self._definitions = definitions
         self._bag = BagWriter(directory / "bag.mcap")
         self._accounts = {name: Account() for name in definitions}
+        self._pending: dict[str, list[NDArray[np.uint8]]] = {}
+        self._size = 0
         self._timing: dict[str, list[NDArray[np.uint8]]] = {name: [] for name in TIMING}
         for name, definition in definitions.items():
             self._bag.add_channel(name, definition)
 
     def store(self, name: str, payloads: NDArray[np.uint8]) -> None:
-        """Record the messages of some ticks, (N, bytes), in rising order; keeps no reference to them."""
-        if payloads.shape[0] == 0:
-            return
-        # The first field of every message of a trial is its tick.
-        ticks = np.ascontiguousarray(payloads[:, 4:12]).view(np.int64)[:, 0]
-        self._accounts[name].note(ticks)
-        self._bag.write(name, payloads, ticks, self._period)
-        if name in self._timing:
-            # A copy: the sender's next messages take the place of these, and a parcel has much besides them.
-            self._timing[name].append(payloads.copy())
+        """Record the messages of some ticks, (N, bytes), in rising order; they must not change until `write`."""
+        if payloads.shape[0]:
+            self._pending.setdefault(name, []).append(payloads)
+            self._size += payloads.size
 
-    def write(self) -> None:
-        """Write what has been stored to the disk, if it is enough for a chunk."""
-        self._bag.end_chunk(CHUNK_SIZE)
+    def write(self, least: int = CHUNK_SIZE) -> None:
+        """Write what has been stored to the disk if it is `least` bytes; many at a time cost less each."""
+        if self._size < least:
+            return
+        for name, parts in self._pending.items():
+            payloads = np.concatenate(parts)
+            # The first field of every message of a trial is its tick.
+            ticks = np.ascontiguousarray(payloads[:, 4:12]).view(np.int64)[:, 0]
+            self._accounts[name].note(ticks)
+            self._bag.write(name, payloads, ticks, self._period)
+            if name in self._timing:
+                self._timing[name].append(payloads)
+        self._pending, self._size = {}, 0
+        self._bag.end_chunk()
 
     def sent(self, name: str, count: int) -> None:
         """Note how many messages the sender says it sent."""
@@ -82,6 +89,7 @@ class Recorder:
 
     def timing(self) -> dict[str, dict[str, NDArray[Any]]]:
         """Return all time stamps: channel -> field -> array (N,)."""
+        self.write(0)
         return {name: self._columns(name, parts) for name, parts in self._timing.items()}
 
     def _columns(self, name: str, parts: list[NDArray[np.uint8]]) -> dict[str, NDArray[Any]]:
@@ -90,10 +98,12 @@ class Recorder:
 
     def summary(self) -> dict[str, dict[str, Any]]:
         """Return the account of every channel."""
+        self.write(0)
         return {name: account.summary() for name, account in self._accounts.items()}
 
     def close(self) -> None:
         """Finish the bag."""
+        self.write(0)
         self._bag.close()
 
     def __enter__(self) -> Recorder:

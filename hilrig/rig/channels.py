@@ -44,11 +44,6 @@ class Sheets:
         self.counts = dict.fromkeys(names, 0)
         """Messages that were handed over, by channel"""
 
-    def wrote(self, row: int, names: tuple[str, ...]) -> None:
-        """Note that these sheets are written as far as `row`."""
-        for name in names:
-            self.written[name] = row + 1
-
     def hand_over(self) -> Iterator[tuple[str, NDArray[np.uint8]]]:
         """Yield (channel, messages (N, bytes)) that are written; they are overwritten from now on."""
         for name, rows in self.written.items():
@@ -71,9 +66,21 @@ class Record(Sheets):
             )
         super().__init__(codecs, names, min(PARCEL, LARGEST // tick))
         self._put = put
+        *self._signals, self._timing = names
+        self.stamps: list[tuple[float, ...]] = []
+        """Messages of the last channel, which holds time stamps: they go onto its sheet when they are shipped, all at a
+        time, for what is done once in the loop finds nothing in the processor's caches"""
+
+    def wrote(self, row: int) -> None:
+        """Note that all sheets but that of the stamps are written as far as `row`."""
+        for name in self._signals:
+            self.written[name] = row + 1
 
     def ship(self) -> None:
         """Hand over to the logger."""
+        self.sheets[self._timing].write(self.stamps)
+        self.written[self._timing] = len(self.stamps)
+        self.stamps.clear()
         frames: list[bytes] = []
         for name, payloads in self.hand_over():
             frames += (_FRAME.pack(NAMES.index(name), *payloads.shape), payloads.tobytes())

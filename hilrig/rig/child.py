@@ -64,7 +64,7 @@ class Child:
         """What came of the settings in this process"""
         self._bus: Bus | None = None
         self._courier: Courier | None = None
-        self._continued = Continuations()
+        self.continuations = Continuations()
 
     def read_trial(self) -> Trial:
         """Return the trial that this rig is to run."""
@@ -78,7 +78,7 @@ class Child:
         """
         if self._bus is None:
             self.setup = prepare(self.settings, self.role, self.orders.cores, self.orders.realtime)
-            self._continued.listen()
+            self.continuations.listen()
             low_latency = self.settings.low_latency_link or not self.orders.realtime
             self.setup["low_latency_link"] = as_wanted("on" if low_latency else "off")
             self._bus = Bus(self.orders.trial, self.role, self.orders.listen, self.orders.connect, low_latency)
@@ -98,11 +98,6 @@ class Child:
         """Wait until all parcels have been sent."""
         if self._courier is not None:
             self._courier.finish()
-
-    @property
-    def continued(self) -> int:
-        """When the process last went on after it had been stopped, CLOCK_MONOTONIC ns; 0: never."""
-        return self._continued.last
 
     def leave(self) -> None:
         """Leave the bus, if on it."""

@@ -47,9 +47,8 @@ def answer_all(
 ) -> None:  # fmt: skip
     """Answer until the last measurement. Raises Tripped."""
     now, put, message = time.monotonic_ns, commands.put, record.sheets["command"].message
-    note, last = record.sheets["controller_timing"].write, record.rows - 1
-    certified = child.settings.certificate
-    channels = CONTROLLER if certified else CONTROLLER[:-1]
+    note, last = record.stamps.append, record.rows - 1
+    certified, continuations = child.settings.certificate, child.continuations
     while True:
         waiting = now()
         state = states.take()
@@ -66,8 +65,8 @@ def answer_all(
         published = now()
         put(command)
         if certified:
-            note(row, tick, tick * period, waiting, received, computed, published, child.continued)
-        record.wrote(row, channels)
+            note((tick, tick * period, waiting, received, computed, published, continuations.last))
+        record.wrote(row)
         if row == last:
             record.ship()
 

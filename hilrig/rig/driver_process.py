@@ -30,7 +30,7 @@ class BusWire:
     def __init__(
         self, child: Child, trial: Trial, codecs: Mapping[str, Codec], injector: Injector | None
     ) -> None:  # fmt: skip
-        self._child, self._trial, self._injector = child, trial, injector
+        self._child, self._period, self._injector = child, trial.period, injector
         self._realtime = trial.clock == "realtime"
         self._pacer = Pacer(trial.period, self._realtime, trial.rig.spin)
         outbox = child.bus.outbox("state", blocking=not self._realtime)
@@ -38,7 +38,8 @@ class BusWire:
         inbox = child.bus.inbox("command")
         self._commands = Arrivals(inbox) if self._realtime else Waiting(inbox)
         self._record = Record(child.record(), codecs, DRIVER)
-        self._state, self._stamps = self._record.sheets["state"], self._record.sheets["driver_timing"]
+        self._state = self._record.sheets["state"]
+        self._certified, self._continued = child.settings.certificate, child.continuations
         self.half = PlantHalf(trial, codecs, self._record.sheets, self._record.rows)
         self._waiting: deque[tuple[int, int, bytes]] = deque()
         self._held: tuple[int, int, bytes | None] = (-1, 0, None)
@@ -97,13 +98,12 @@ class BusWire:
 
     def _note(self, tick: int, row: int) -> None:
         """Note when things happened at this tick; every so many ticks hand the record over."""
-        if self._child.settings.certificate:
+        if self._certified:
             command, received, _ = self._held
-            self._stamps.write(
-                row, tick, tick * self._trial.period, self._due, self._woke, self._published, command, received,
-                self._applied, self._child.continued,
-            )  # fmt: skip
-            self._record.written["driver_timing"] = row + 1
+            self._record.stamps.append((
+                tick, tick * self._period, self._due, self._woke, self._published, command, received, self._applied,
+                self._continued.last,
+            ))  # fmt: skip
         if row == self._record.rows - 1:
             self._record.ship()
 

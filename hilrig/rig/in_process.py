@@ -102,7 +102,7 @@ class DirectWire:
         """Record what is on the sheets, with the time stamps or without."""
         for name, payloads in self._sheets.hand_over():
             if stamps or name not in TIMING:
-                self._recorder.store(name, payloads)
+                self._recorder.store(name, payloads.copy())  # the next ticks take their place
             else:
                 self._sheets.counts[name] = 0
         self._recorder.write()

@@ -37,7 +37,10 @@ def test_what_was_written_arrives_in_order_with_its_counts(ticks: int, every: in
     written = [name for name in DRIVER if truthful or name != "truth"]
     row = 0
     for tick in range(ticks):
-        for name in written:
+        stamps = (tick, *range(tick, tick + 8))
+        record.stamps.append(stamps)
+        sent["driver_timing"] += CODECS["driver_timing"].pack(stamps)
+        for name in written[:-1]:
             fields = record.sheets[name].fields
             for i, field in enumerate(fields):
                 field[row] = tick if i == 0 else tick + i
@@ -75,7 +78,8 @@ def test_no_parcel_is_larger_than_the_bus_takes(size: int) -> None:
     parcels: list[bytes] = []
     record = Record(parcels.append, codecs, CONTROLLER)
     assert 2 <= record.rows <= PARCEL
-    record.wrote(record.rows - 1, tuple(record.written))
+    record.wrote(record.rows - 1)
+    record.stamps += [(0,) * 7] * record.rows
     record.ship()
     assert len(parcels[0]) < 65_000
     assert unpacked(parcels)[0]["internals"] == record.sheets["internals"].payloads.tobytes()
@@ -93,8 +97,7 @@ def test_a_law_that_remembers_too_much_is_told_the_limit() -> None:
 def test_channels_may_have_different_numbers_of_rows() -> None:
     """Where a trial ends within a tick: the state is there, its command is not."""
     sheets = Sheets(CODECS, NAMES, 4)
-    sheets.wrote(2, tuple(sheets.written))
-    sheets.written["command"] = 2
+    sheets.written |= {**dict.fromkeys(NAMES, 3), "command": 2}
     rows = {name: payloads.shape for name, payloads in sheets.hand_over()}
     assert rows["state"] == (3, CODECS["state"].size)
     assert rows["command"] == (2, CODECS["command"].size)

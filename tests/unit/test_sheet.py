@@ -61,18 +61,18 @@ def test_every_field_lies_where_the_processor_likes_it(name: str, data: st.DataO
 
 
 @given(values=st.lists(st.integers(-(2**63), 2**63 - 1), min_size=5, max_size=5), tick=st.integers(0, 2**64 - 1))
-def test_a_message_of_numbers_is_written_at_once(values: list[int], tick: int) -> None:
+def test_messages_of_numbers_are_written_from_the_first_row_on(values: list[int], tick: int) -> None:
     codec = Codec(definition("ControllerTiming"), {})
     sheet = Sheet(codec, 2)
-    sheet.write(1, tick, 0.5, *values)
-    assert sheet.message(1) == codec.pack((tick, 0.5, *values))
-    assert sheet.message(0) == codec.zero()
+    sheet.write([(tick, 0.5, *values)])
+    assert sheet.message(0) == codec.pack((tick, 0.5, *values))
+    assert sheet.message(1) == codec.zero()
 
 
-def test_a_message_with_arrays_is_not_written_at_once() -> None:
+def test_a_message_with_arrays_is_not_written_so() -> None:
     sheet = Sheet(Codec(definition("Command"), {"torque": 2, "position": 2}), 2)
     with pytest.raises(struct.error):
-        sheet.write(0, 1, 0.0, np.ones(2), np.ones(2))
+        sheet.write([(1, 0.0, np.ones(2), np.ones(2))])
 
 
 @given(sizes=st.lists(st.integers(1, 5), max_size=3))
