@@ -58,7 +58,7 @@ class PhaseRecord:
     torque: Array
     """Commanded joint torque after limits, (N, n) N m"""
     late: Array
-    """1 where the tick was late, else 0, (N,)"""
+    """Late ticks since the one before, itself included: those that were not answered are not recorded, (N,)"""
 
     def position_error(self) -> dict[str, Array]:
         """Return e = x_d - x of each position-controlled axis, (N,) m."""

@@ -12,9 +12,9 @@ from hilrig.metrics._record import PhaseRecord
 
 @dataclass(frozen=True)
 class LateFraction:
-    """Share of the ticks at which the command was not there in time, so that the last one was held.
+    """Share of the ticks whose command was older than it should have been, or was applied a period or more too late.
 
-    late = #{k : late(k)} / N
+    late = #{k : late(k)} / N, of the N ticks from the first to the last, those that nobody answered included
 
     Always 0 in lockstep, where the driver waits.
     """
@@ -23,4 +23,7 @@ class LateFraction:
 
     def measure(self, record: PhaseRecord) -> dict[str, float]:
         """Return the share, 0 to 1."""
-        return {"": float(np.mean(record.late))} if record.late.size else {}
+        if record.late.size == 0:
+            return {}
+        ticks = int(record.tick[-1]) - int(record.tick[0]) + 1
+        return {"": float(np.sum(record.late[1:]) + min(record.late[0], 1.0)) / ticks}

@@ -187,11 +187,13 @@ def timing_table(channels: Channels, one_clock: bool = True) -> Table | None:
 
 
 def _late(channels: Channels, document: Document, ticks: np.ndarray) -> Array:
-    """Return 1.0 where the driver's stamps say that the tick was late, else 0.0, (N,)."""
-    table, late = timing_table(channels), np.zeros(ticks.size)
-    if table is not None:
-        late[np.isin(ticks, table.driver.tick[late_ticks(table, terms_of(document))])] = 1.0
-    return late
+    """Return how many ticks were late by the driver's stamps since the one before in `ticks`, (N,)."""
+    table = timing_table(channels)
+    if table is None:
+        return np.zeros(ticks.size)
+    late = table.driver.tick[late_ticks(table, terms_of(document))]
+    rows = np.searchsorted(ticks, late[late <= ticks[-1]])
+    return np.bincount(rows, minlength=ticks.size).astype(np.float64)
 
 
 _STANDARD = frozenset(field.name for field in definition("Internals").fields)

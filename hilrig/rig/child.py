@@ -17,6 +17,7 @@ from typing import Any
 from hilrig.errors import RigError, Stopped, describe
 from hilrig.recording.run_directory import read_trial
 from hilrig.rig.bus import Bus
+from hilrig.rig.channels import REHEARSALS
 from hilrig.rig.continuations import Continuations
 from hilrig.rig.courier import Courier
 from hilrig.rig.setup import Report, as_wanted, prepare, refusals, settle
@@ -109,13 +110,20 @@ class Child:
         assert self.bus is not None
         self._status.put(json.dumps({"role": self.role, "event": event, **details}).encode())
 
-    def ready(self, peers: tuple[str, ...], **details: Any) -> dict[str, Any]:
-        """Join the others and wait for the order to go; return what the order carries."""
+    def ready(
+        self, peers: tuple[str, ...], rehearse: Callable[[], None] | None = None, **details: Any
+    ) -> dict[str, Any]:
+        """Join the others and wait for the order to go; return what the order carries.
+
+        `rehearse` does beside the trial what costs more at its first time, when all has been set up.
+        """
         self.bus.announce()
         missing = self.bus.wait_for((*peers, "supervisor"), timeout=self.orders.patience)
         if missing:
             raise RigError(f"waited {self.orders.patience:g} s for {', '.join(sorted(missing))}")
         self.setup |= settle(self.settings, self.role, self.orders.realtime)
+        if rehearse is not None:
+            self._rehearse(rehearse)
         for line in refusals(self.setup):
             print(line, flush=True)
         self.tell("ready", setup=self.setup, **details)
@@ -124,6 +132,14 @@ class Child:
             if order["order"] == "go":
                 return order
             raise Stopped("told to stop before the start")
+
+    def _rehearse(self, rehearse: Callable[[], None]) -> None:
+        rehearse()
+        put = self.bus.outbox("record", blocking=True).put
+        for _ in range(REHEARSALS):
+            put(b"")
+        if self._courier is not None:
+            self._courier.rest()
 
     def told_to_stop(self) -> bool:
         """Whether the supervisor wants the trial to end."""

@@ -27,7 +27,7 @@ def work(child: Child) -> None:
         commands = injector.outbox(commands)
     record = Record(child.record(), codecs, CONTROLLER)
     half = ControlHalf(trial, codecs, record.sheets, record.rows)
-    child.ready(("driver", "logger"), memory=memory)
+    child.ready(("driver", "logger"), record.rehearse, memory=memory)
     try:
         answer_all(child, trial.period, half, record, states, commands, injector)
     except Tripped as trip:

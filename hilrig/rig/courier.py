@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from queue import Empty, SimpleQueue
-from threading import Thread
+from threading import Event, Thread
 
 MOST = 1000
 """Parcels that may wait, half a minute of them; the logger then misses the oldest, and the trial says so"""
@@ -17,6 +17,7 @@ class Courier:
     def __init__(self, put: Callable[[bytes], None]) -> None:
         self._put = put
         self._queue: SimpleQueue[bytes | None] = SimpleQueue()
+        self._idle = Event()
         self._thread = Thread(target=self._carry, name="courier", daemon=True)
         self._thread.start()
 
@@ -33,6 +34,14 @@ class Courier:
     def _carry(self) -> None:
         while (message := self._queue.get()) is not None:
             self._put(message)
+            if self._queue.empty():
+                self._idle.set()
+
+    def rest(self) -> None:
+        """Wait until what was sent has gone out; for use before the loop."""
+        self._idle.clear()
+        self.send(b"")
+        self._idle.wait()
 
     def finish(self) -> None:
         """Wait until all has been sent."""

@@ -107,6 +107,10 @@ class BusWire:
         if row == self._record.rows - 1:
             self._record.ship()
 
+    def rehearse(self) -> None:
+        """Send what nobody reads."""
+        self._record.rehearse()
+
     def end(self) -> None:
         """Send what is left and say that this was all."""
         self._outbox.end()
@@ -122,7 +126,7 @@ def work(child: Child) -> None:
     injector = Injector.of(trial, "driver")
     wire = BusWire(child, trial, codecs, injector)
     try:
-        child.ready(("controller", "logger"))
+        child.ready(("controller", "logger"), wire.rehearse)
     except BaseException:
         wire.half.close()
         raise

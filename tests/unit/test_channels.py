@@ -104,3 +104,16 @@ def test_channels_may_have_different_numbers_of_rows() -> None:
     assert list(sheets.hand_over()) == []
     assert (sheets.counts["state"], sheets.counts["command"]) == (3, 2)
     assert np.count_nonzero(list(sheets.written.values())) == 0
+
+
+def test_a_rehearsal_is_as_large_as_what_comes_and_says_nothing() -> None:
+    parcels: list[bytes] = []
+    record = Record(parcels.append, CODECS, CONTROLLER)
+    record.rehearse()
+    record.wrote(record.rows - 1)
+    record.stamps += [(0,) * 7] * record.rows
+    record.ship()
+    *practice, first = parcels
+    assert practice
+    assert all(abs(len(parcel) - len(first)) < 50 for parcel in practice)
+    assert unpacked(practice) == (dict.fromkeys(NAMES, b""), {})

@@ -68,7 +68,7 @@ def test_channels_are_brought_onto_their_common_ticks() -> None:
     assert signals.source == "truth"
     expected: dict[str, Any] = {
         "tick": COMMON, "time": COMMON * PERIOD, "position": column(COMMON, 0.1, 0.2),
-        "force": column(COMMON, 100, 300), "torque": column(COMMON, 0.3, 0.4), "late": [0, 1, 0, 0, 0, 1],
+        "force": column(COMMON, 100, 300), "torque": column(COMMON, 0.3, 0.4), "late": [0, 1, 1, 0, 0, 1],
         "reference_position": column(COMMON, 5.0, 6.0), "reference_velocity": column(COMMON, 50.1, 50.2),
         "reference_acceleration": column(COMMON, 60.1, 60.2), "reference_force": column(COMMON, 70.1, 70.2),
         "reference_step": [4.9, 5.8], "sigma": [1.0, 0.0], "inertia": [3.0, 6.0], "damping": [30.0, 60.0],

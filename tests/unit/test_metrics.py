@@ -123,3 +123,10 @@ def test_auxiliary_error_is_zero_on_a_solution_of_the_desired_dynamics(amplitude
 def test_auxiliary_error_damps_the_force_axis() -> None:
     """Erratum 14: the full velocity counts, also where sigma is zero."""
     assert measured("auxiliary_error_rmse", velocity=column(0.0, 0.5))["z"] == pytest.approx(30.0)
+
+
+def test_ticks_that_nobody_answered_are_late_too() -> None:
+    """Ticks 10 and 11 are missing and were late, as was 12 itself; 3 of TICKS + 2."""
+    tick = np.arange(TICKS) + 2 * (np.arange(TICKS) >= 10)
+    late = 3.0 * (tick == 12)
+    assert measured("late_fraction", tick=tick, late=late)[""] == pytest.approx(3 / (TICKS + 2))

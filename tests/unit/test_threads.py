@@ -151,3 +151,18 @@ def state_of(pid: int) -> str:
     """Return the state of a process as /proc has it."""
     with open(f"/proc/{pid}/stat", encoding="ascii") as file:
         return file.read().rsplit(")", 1)[1].split()[0]
+
+
+def test_at_rest_a_courier_has_sent_everything() -> None:
+    sent: list[bytes] = []
+
+    def put(message: bytes) -> None:
+        time.sleep(0.002)
+        sent.append(message)
+
+    courier = Courier(put)
+    for number in range(5):
+        courier.send(bytes([number]))
+    courier.rest()
+    assert sent[:5] == [bytes([number]) for number in range(5)]
+    courier.finish()
