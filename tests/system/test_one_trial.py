@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hilrig.recording.bag import read_bag
-from tests.system.conftest import faulty
+from tests.system.conftest import faulty, only_run
 
 CHANNELS = ("state", "truth", "command", "internals")
 
@@ -104,7 +104,6 @@ def test_real_time_tells_the_ticks_whose_command_was_late(hilrig, experiment, tm
     assert outcome["channels"]["command"]["lost"] == 0
 
 
-@pytest.mark.xfail(strict=True, reason="timing.json does not count late ticks yet: hilrig/recording/timing.py")
 def test_real_time_counts_the_ticks_whose_command_was_late(hilrig, experiment, tmp_path: Path) -> None:
     file = experiment(clock="realtime", duration=0.5, controllers=slow_law(tmp_path))
     run = run_once(hilrig, file, tmp_path / "runs")
@@ -113,3 +112,17 @@ def test_real_time_counts_the_ticks_whose_command_was_late(hilrig, experiment, t
     late = stamps["command"] < stamps["tick"].astype(np.int64) - 1
     overran = stamps["applied"] - stamps["due"] >= 1_000_000
     assert timing["late"] == np.count_nonzero((late & (stamps["tick"] > 0)) | overran) > 0
+
+
+def test_a_trial_outside_its_budget_does_not_count(hilrig, experiment, tmp_path: Path) -> None:
+    budget = "{late_fraction: 1 %, command_age_p99: 100 s}"
+    done = hilrig("run", experiment(clock="realtime", controllers=slow_law(tmp_path), budget=budget), "--no-report")
+    assert done.returncode == 1
+    assert "outside its timing budget: late ticks" in done.stderr + done.stdout
+    assert "at most 1 %" in done.stderr + done.stdout
+    run = only_run(tmp_path)
+    shown = hilrig("show", run)
+    assert "invalid" in shown.stdout
+    report = hilrig("report", run)
+    assert report.returncode == 0, report.stderr
+    assert "invalid" in next((tmp_path / "reports").glob("*/index.html")).read_text()

@@ -48,7 +48,7 @@ def assert_whole(run: Path, trials: int) -> None:
 
 
 def test_a_watcher_follows_from_trial_to_trial_and_changes_no_bit(hilrig, start, experiment, tmp_path: Path) -> None:
-    file = experiment(duration=12.0, controllers=TWO)
+    file = experiment(duration=60.0, controllers=TWO)
     hilrig("run", file, "--no-report", "--out", tmp_path / "alone")
     program = start("run", file, "--no-report")
     wait_for(lambda: live(tmp_path))
