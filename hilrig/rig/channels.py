@@ -30,7 +30,6 @@ _FRAME = struct.Struct("<BII")
 """Before the messages of a channel: its number, how many there are, bytes of each"""
 _PRACTICE = 0x40
 """Marks a frame whose content means nothing"""
-REHEARSALS = 4
 _COUNT = 0x80
 """Marks a frame that tells how many messages there were on its channel in all"""
 
@@ -91,10 +90,9 @@ class Record(Sheets):
             self._put(b"".join(frames))
 
     def rehearse(self) -> None:
-        """Send parcels as large as those to come, which nobody reads: the first ones cost milliseconds each."""
+        """Send a parcel as large as those to come, which nobody reads."""
         size = sum(sheet.payloads.size for sheet in self.sheets.values())
-        for _ in range(REHEARSALS):
-            self._put(_FRAME.pack(_PRACTICE, 1, size) + bytes(size))
+        self._put(_FRAME.pack(_PRACTICE, 1, size) + bytes(size))
 
     def end(self) -> None:
         """Hand over the rest, and how many messages there were on each channel."""

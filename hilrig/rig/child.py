@@ -8,6 +8,7 @@ import os
 import shutil
 import signal
 import sys
+import time
 import traceback
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -17,7 +18,6 @@ from typing import Any
 from hilrig.errors import RigError, Stopped, describe
 from hilrig.recording.run_directory import read_trial
 from hilrig.rig.bus import Bus
-from hilrig.rig.channels import REHEARSALS
 from hilrig.rig.continuations import Continuations
 from hilrig.rig.courier import Courier
 from hilrig.rig.setup import Report, as_wanted, prepare, refusals, settle
@@ -25,6 +25,9 @@ from hilrig.rig_settings import RigSettings
 from hilrig.trial import Trial
 
 PR_SET_PDEATHSIG = 1
+REHEARSALS = 3
+PAUSE = 0.03
+"""s: once in a session, the first message after a pause of 20 ms takes zenoh 5 ms of the processor"""
 
 
 @dataclass(frozen=True)
@@ -122,7 +125,7 @@ class Child:
         if missing:
             raise RigError(f"waited {self.orders.patience:g} s for {', '.join(sorted(missing))}")
         self.setup |= settle(self.settings, self.role, self.orders.realtime)
-        if rehearse is not None:
+        if rehearse is not None and self.orders.realtime:
             self._rehearse(rehearse)
         for line in refusals(self.setup):
             print(line, flush=True)
@@ -134,12 +137,13 @@ class Child:
             raise Stopped("told to stop before the start")
 
     def _rehearse(self, rehearse: Callable[[], None]) -> None:
-        rehearse()
         put = self.bus.outbox("record", blocking=True).put
         for _ in range(REHEARSALS):
+            rehearse()
             put(b"")
-        if self._courier is not None:
-            self._courier.rest()
+            if self._courier is not None:
+                self._courier.rest()
+            time.sleep(PAUSE)
 
     def told_to_stop(self) -> bool:
         """Whether the supervisor wants the trial to end."""
