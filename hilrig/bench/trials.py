@@ -138,8 +138,8 @@ def _succeeds(command: Sequence[str]) -> bool:
     return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=PATIENCE).returncode == 0
 
 
-def _end(process: subprocess.Popen[str]) -> None:
-    """End a trial that is still running: its children end with it."""
+def _end(process: subprocess.Popen[Any]) -> None:
+    """End a process that is still running; the children of a trial end with it."""
     if process.poll() is None:
         process.terminate()
         try:
@@ -173,13 +173,7 @@ def _watch(runs: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        if watcher.poll() is None:
-            watcher.terminate()
-        try:
-            watcher.wait(timeout=5.0)
-        except subprocess.TimeoutExpired:
-            watcher.kill()
-            watcher.wait()
+        _end(watcher)
         reader.join(timeout=5.0)
         os.close(screen)
 

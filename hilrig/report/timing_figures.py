@@ -25,6 +25,10 @@ COLOURS = dict(zip(CULPRITS, ("#0072B2", "#E69F00", "#D55E00", "#8A8A8A"), stric
 LEAST = 0.1
 """us: what a logarithmic axis shows of less"""
 LINE = "#4d4d4d"
+FINE = (1.0, 2.0, 5.0)
+"""Ticks in a decade of an axis that has few of them"""
+FEW_DECADES = 100.0
+"""Upper end over lower end of such an axis"""
 WIDTH = TWO_COLUMNS - LEFT - RIGHT
 
 
@@ -90,7 +94,8 @@ def tail_figure(trials: Sequence[TrialEntry], controllers: tuple[str, ...]) -> P
                 _tail(axes, trial.timing["histograms"].get(name, []), looks[trial.controller])
             axes.axvline(1e6 * limit, color=QUIET, linewidth=0.7, linestyle=(0, (4, 2)))
             axes.set_xscale("log")
-            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            low, high = axes.get_xlim()
+            axes.xaxis.set_major_locator(LogLocator(subs=FINE if high / low < FEW_DECADES else (1.0,)))
             axes.xaxis.set_major_formatter("{x:g}")
             axes.xaxis.set_minor_formatter(NullFormatter())
             axes.set_yscale("log")

@@ -6,8 +6,10 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -178,3 +180,13 @@ def only_run(under: Path) -> Path:
 def socket_directories() -> set[str]:
     """Return the directories with the bus's sockets that exist now."""
     return {name for name in os.listdir(tempfile.gettempdir()) if name.startswith("hilrig-")}
+
+
+def wait_for(condition, timeout: float = 90.0) -> Any:
+    """Return the first true value of `condition`."""
+    deadline = time.monotonic() + timeout
+    while time.monotonic() < deadline:
+        if value := condition():
+            return value
+        time.sleep(0.02)
+    pytest.fail(f"{condition} did not come true in {timeout} s")

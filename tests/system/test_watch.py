@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import time
 from pathlib import Path
 from typing import Any
 
@@ -14,20 +13,10 @@ import psutil
 import pytest
 
 from hilrig.recording.bag import read_bag
-from tests.system.conftest import only_run
+from tests.system.conftest import only_run, wait_for
 
 CHANNELS = ("state", "truth", "command", "internals")
 TWO = "proposed: {kind: tde_sliding_mode}\n  pd: {kind: pd}"
-
-
-def wait_for(condition, timeout: float = 90.0) -> Any:
-    """Return the first true value of `condition`."""
-    deadline = time.monotonic() + timeout
-    while time.monotonic() < deadline:
-        if value := condition():
-            return value
-        time.sleep(0.02)
-    pytest.fail(f"{condition} did not come true in {timeout} s")
 
 
 def live(folder: Path) -> Any:

@@ -6,30 +6,19 @@ import json
 import os
 import signal
 import subprocess
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from hilrig.recording.bag import read_bag
-from tests.system.conftest import faulty, only_run, rig_processes, socket_directories
+from tests.system.conftest import faulty, only_run, rig_processes, socket_directories, wait_for
 
 LONG = 600.0
 
 
 def outcome_of(run: Path) -> dict[str, Any]:
     return json.loads(next((run / "trials").glob("*/outcome.json")).read_text())
-
-
-def wait_for(condition, timeout: float = 60.0) -> Any:
-    """Return the first true value of `condition`."""
-    deadline = time.monotonic() + timeout
-    while time.monotonic() < deadline:
-        if value := condition():
-            return value
-        time.sleep(0.02)
-    pytest.fail(f"{condition} did not come true in {timeout} s")
 
 
 def under_way(tmp_path: Path):
