@@ -20,7 +20,7 @@ app.add_typer(bench_app, name="bench")
 @bench_app.callback(invoke_without_command=True)
 def bench(
     context: typer.Context,
-    quick: Annotated[bool, typer.Option("--quick", help="One short repeat: about a minute, and no spread.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="One short repeat: some two minutes, and no spread.")] = False,
     only: Annotated[
         list[str] | None,
         typer.Option(

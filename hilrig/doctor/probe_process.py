@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hilrig.errors import RigError
 from hilrig.rig.bus import Bus
-from hilrig.rig.child import Signals
+from hilrig.rig.child import PAUSE, REHEARSALS, Signals
 from hilrig.rig.clock import Pacer
 from hilrig.rig.setup import Report, prepare, settle
 from hilrig.rig_settings import RigSettings
@@ -59,11 +59,17 @@ def ask(bus: Bus, orders: dict[str, Any], settings: RigSettings) -> Report:
     ticks, period = orders["ticks"], orders["period"]
     asked, answers = bus.outbox("asked", blocking=False), bus.inbox("answered")
     stamps = np.zeros((4, ticks), dtype=np.int64)
+    padding = bytes(PAYLOAD - 8)
+    report = _join(bus, "driver", settings)
+    # As before a trial: the other half may still be setting itself up, and the bus is slow at its first messages.
+    for _ in range(REHEARSALS):
+        asked.put(bytes(8) + padding)
+        answers.take()
+        time.sleep(PAUSE)
     # As in the driver's process, a thread stamps them: the loop itself is busy with the next tick.
     listener = threading.Thread(target=_listen, args=(answers, stamps[3]), daemon=True)
     listener.start()
-    report = _join(bus, "driver", settings)
-    pacer, padding = Pacer(period * 1e-9, realtime=True, spin=settings.spin), bytes(PAYLOAD - 8)
+    pacer = Pacer(period * 1e-9, realtime=True, spin=settings.spin)
     for tick in range(ticks):
         due = pacer.wait(tick)
         woke = time.monotonic_ns()

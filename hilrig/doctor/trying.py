@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from importlib import metadata
@@ -47,9 +48,14 @@ def _kind(option: str) -> str:
 
 
 def _ros() -> tuple[str, ...]:
-    """Return the distributions of ROS that are installed, and which client library Python finds here."""
+    """Return the distributions of ROS that are installed, and which client library Python finds here.
+
+    A distribution of its own is a folder in /opt/ros; Debian packages ROS 1 without one.
+    """
     found = [path.name for path in sorted(Path("/opt/ros").glob("*")) if path.is_dir()]
     sourced = os.environ.get("ROS_DISTRO", "")
     installed = [f"{name} (sourced)" if name == sourced else name for name in dict.fromkeys([*found, sourced]) if name]
+    if shutil.which("rosmaster") and not found:
+        installed.append("ROS 1 of this system")
     libraries = {"rospy": "rospy (ROS 1) importable", "rclpy": "rclpy (ROS 2) importable"}
     return (*installed, *(text for module, text in libraries.items() if find_spec(module)))
