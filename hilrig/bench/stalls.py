@@ -86,8 +86,9 @@ def render(result: dict[str, Any]) -> str:
         for kind, row in result["confusion"].items()
     ]
     injected, ticks = result["injected"], result["ticks"]
+    fewer = "" if injected == result["planned"] else "; the others found no message: the machine had lost it"
     return "\n".join([
-        f"{injected} of {result['planned']} planned faults injected into {ticks} ticks of 1 ms",
+        f"{injected} of {result['planned']} planned faults injected into {ticks} ticks of 1 ms{fewer}",
         f"detected            {_share(result['detected'], injected)}",
         f"attributed rightly  {_share(result['rightly_attributed'], injected)}",
         f"stalls found that nobody injected: {len(result['unexplained'])}; "
