@@ -33,7 +33,7 @@ class RigSettings:
     cpu_dma_latency: Annotated[
         float | None,
         Parameter("s", "longest wake-up of an idle core that is accepted; null: as the machine has it", 0, 1),
-    ] = 0.0
+    ] = 2e-6
     certificate: Annotated[
         bool, Parameter("", "whether every tick is stamped; without, nothing is known of the trial's timing")
     ] = True
