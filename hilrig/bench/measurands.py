@@ -7,18 +7,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from hilrig.bench.alternation import ALTERNATING, certificate_cost
 from hilrig.bench.cyclictest import INSTALL, installed, run_cyclictest
 from hilrig.bench.exchange import TRANSPORTS, Sizes, Transport, python_for, round_trips
 from hilrig.bench.load import full_load
 from hilrig.bench.placement import placement
-from hilrig.bench.trials import WITHOUT_CERTIFICATE, TrialCall, has_certificate_switch, has_watch, run_trial
+from hilrig.bench.trials import TrialCall, has_watch, run_trial
 
 Sample = Mapping[str, float]
 """quantity -> value, of one measurand in one repeat"""
 PERIOD = 1e-3
 """s"""
 GROUPS = ("bus", "lockstep", "realtime", "load", "unprivileged", "watch", "certificate")
-TRIALS = ("lockstep", "lockstep.exchange", "lockstep.watched", "lockstep.uncertified", "in_process")
+TRIALS = ("lockstep", "lockstep.exchange", "lockstep.watched", "lockstep.alternating", "in_process")
 PUNCTUAL = (
     *(f"{who}{how}" for how in ("", ".loaded", ".unprivileged") for who in ("realtime", "cyclictest")),
     "realtime.watched",
@@ -36,7 +37,7 @@ class Settings:
     lockstep: float = 20.0
     """s of trial time of a lockstep trial"""
     in_process: float = 200.0
-    """s of trial time of an in-process trial"""
+    """s of trial time of an in-process trial, and of one with time stamps in every other second"""
     realtime: float = 12.0
     """s of a real-time trial and of cyclictest beside it"""
     short: float = 8.0
@@ -95,10 +96,6 @@ def _no_watch() -> str:
     return "" if has_watch() else "this hilrig has no `hilrig watch`"
 
 
-def _no_switch() -> str:
-    return "" if has_certificate_switch() else f"this hilrig does not know {' '.join(WITHOUT_CERTIFICATE)}"
-
-
 def _no_cyclictest() -> str:
     return "" if installed() else f"not installed; {INSTALL}"
 
@@ -117,14 +114,14 @@ def _lockstep(settings: Settings) -> list[Measurand]:
     clock = ("--clock", "lockstep")
     plain = TrialCall(settings.lockstep, clock)
     return [
-        _trial("lockstep", ("bus", "lockstep", "watch", "certificate"), "hilrig run in lockstep, over the bus", plain),
+        _trial("lockstep", ("bus", "lockstep", "watch"), "hilrig run in lockstep, over the bus", plain),
         _trial(
             "lockstep.exchange", ("bus", "lockstep"), "the same, each command awaited (actuation_delay 0)",
             TrialCall(settings.lockstep, (*clock, "--set", "actuation_delay=0")),
         ),
-        _trial(
-            "lockstep.uncertified", ("certificate",), "hilrig run in lockstep, no time stamps",
-            TrialCall(settings.lockstep, (*clock, *WITHOUT_CERTIFICATE)), _no_switch,
+        Measurand(
+            "lockstep.alternating", ("certificate",), "hilrig run in lockstep, time stamps in every other second",
+            partial(certificate_cost, TrialCall(settings.in_process, (*clock, *ALTERNATING))),
         ),
         _trial(
             "lockstep.watched", ("watch",), "hilrig run in lockstep, hilrig watch attached",

@@ -9,7 +9,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -26,8 +26,6 @@ from hilrig.recording.run_directory import read_json
 
 PATIENCE = 240.0
 """s beyond the trial's own time; the first one on a machine compiles its kernels"""
-WITHOUT_CERTIFICATE = ("--set", "rig.certificate=false")
-"""What makes `hilrig run` keep no time stamps"""
 HILRIG = (sys.executable, "-P", "-m", "hilrig")
 WRENCH = 6
 """Force and moment"""
@@ -48,8 +46,11 @@ class TrialCall:
     """With `hilrig watch` attached"""
 
 
-def run_trial(call: TrialCall) -> dict[str, float]:
-    """Run the trial; return its rate and its timing, see `quantities`. Raises RigError if it did not complete."""
+def run_trial(call: TrialCall, look: Callable[[Path], None] = lambda trial: None) -> dict[str, float]:
+    """Run the trial; return its rate and its timing, see `quantities`. Raises RigError if it did not complete.
+
+    `look` is given the trial's folder, which is gone afterwards.
+    """
     with tempfile.TemporaryDirectory(prefix="bench-") as name:
         folder = Path(name)
         experiment = write_experiment(folder, call.duration)
@@ -65,7 +66,7 @@ def run_trial(call: TrialCall) -> dict[str, float]:
             raise RigError(f"the trial did not end within {PATIENCE + call.duration:.0f} s") from None
         finally:
             _end(process)
-        return _read(folder / "runs", complaint)
+        return _read(folder / "runs", complaint, look)
 
 
 def write_experiment(folder: Path, duration: float) -> Path:
@@ -90,7 +91,7 @@ def payload_sizes() -> Sizes:
     return Sizes(size("State"), size("Command"))
 
 
-def _read(runs: Path, complaint: str) -> dict[str, float]:
+def _read(runs: Path, complaint: str, look: Callable[[Path], None]) -> dict[str, float]:
     trials = sorted(runs.glob("*/trials/*"))
     if not trials:
         lines = complaint.strip().splitlines()
@@ -98,6 +99,7 @@ def _read(runs: Path, complaint: str) -> dict[str, float]:
     outcome = read_json(trials[0] / "outcome.json")
     if outcome["outcome"] != "completed":
         raise RigError(f"the trial is {outcome['outcome']}: {outcome['reason']}")
+    look(trials[0])
     return quantities(outcome, read_json(trials[0] / "timing.json"))
 
 
@@ -125,13 +127,6 @@ def quantities(outcome: Mapping[str, Any], timing: Mapping[str, Any]) -> dict[st
 def has_watch() -> bool:
     """Whether this hilrig has the verb `watch`."""
     return _succeeds([*HILRIG, "watch", "--help"])
-
-
-@cache
-def has_certificate_switch() -> bool:
-    """Whether this hilrig can run without its certificate."""
-    with tempfile.TemporaryDirectory(prefix="bench-") as name:
-        return _succeeds([*HILRIG, "check", str(write_experiment(Path(name), 1.0)), *WITHOUT_CERTIFICATE])
 
 
 def _succeeds(command: Sequence[str]) -> bool:

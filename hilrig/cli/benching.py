@@ -49,7 +49,7 @@ def bench(
 ) -> None:  # fmt: skip
     """Measure hilrig's loop beside a bare exchange, other transports and cyclictest, on this machine.
 
-    One interleaved run of about ten minutes. Leave the machine alone meanwhile.
+    One interleaved run of some twelve minutes. Leave the machine alone meanwhile.
 
     Exit code: 0 it was measured, whatever came out; 2 the call is wrong.
     """

@@ -134,7 +134,7 @@ def _idle(host: Host) -> Finding:
     deepest = host.idle_states[-1]
     value = f"{deepest.name}, left in {deepest.latency * 1e6:.0f} us"
     if host.dma_latency == "writable":
-        return Finding("idle states", f"{value}; deeper ones held off during a trial", "ok")
+        return Finding("idle states", f"{value}; what takes above 2 us is held off in a trial", "ok")
     if deepest.latency <= SHALLOW:
         return Finding("idle states", value, "ok")
     value = f"{value}; /dev/cpu_dma_latency is {host.dma_latency}"

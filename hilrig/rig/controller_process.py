@@ -48,7 +48,7 @@ def answer_all(
     """Answer until the last measurement. Raises Tripped."""
     now, put, message = time.monotonic_ns, commands.put, record.sheets["command"].message
     note, last = record.stamps.append, record.rows - 1
-    certified, continuations = child.settings.certificate, child.continuations
+    certified, unstamped, continuations = child.settings.certificate, child.settings.unstamped, child.continuations
     while True:
         waiting = now()
         state = states.take()
@@ -64,7 +64,7 @@ def answer_all(
         command = message(row)
         published = now()
         put(command)
-        if certified:
+        if certified and not tick & unstamped:
             note((tick, tick * period, waiting, received, computed, published, continuations.last))
         record.wrote(row)
         if row == last:

@@ -39,7 +39,8 @@ class BusWire:
         self._commands = Arrivals(inbox) if self._realtime else Waiting(inbox)
         self._record = Record(child.record(), codecs, DRIVER)
         self._state = self._record.sheets["state"]
-        self._certified, self._continued = child.settings.certificate, child.continuations
+        self._certified, self._unstamped = child.settings.certificate, child.settings.unstamped
+        self._continued = child.continuations
         self.half = PlantHalf(trial, codecs, self._record.sheets, self._record.rows)
         self._waiting: deque[tuple[int, int, bytes]] = deque()
         self._held: tuple[int, int, bytes | None] = (-1, 0, None)
@@ -98,7 +99,7 @@ class BusWire:
 
     def _note(self, tick: int, row: int) -> None:
         """Note when things happened at this tick; every so many ticks hand the record over."""
-        if self._certified:
+        if self._certified and not tick & self._unstamped:
             command, received, _ = self._held
             self._record.stamps.append((
                 tick, tick * self._period, self._due, self._woke, self._published, command, received, self._applied,

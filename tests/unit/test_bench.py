@@ -153,7 +153,7 @@ def test_names_and_measurands_agree() -> None:
     groups = {group for item in everything for group in item.groups}
     assert {item.name for item in everything} | groups == set(names())
     assert [item.name for item in measurands(Settings(), Sizes(1, 1), False, ["certificate"])] == [
-        "lockstep", "lockstep.uncertified",
+        "lockstep.alternating",
     ]  # fmt: skip
     assert [item.name for item in measurands(Settings(), Sizes(1, 1), False, ["lcm.paced"])] == ["lcm.paced"]
 
