@@ -18,6 +18,7 @@ import traceback
 import types
 from collections.abc import Mapping
 from functools import cache
+from importlib.machinery import SourceFileLoader
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -197,10 +198,19 @@ def _from_file(group: str, path: Path) -> type:
     return _check(group, _only_class(module, str(path)), str(path))
 
 
+class _FromSource(SourceFileLoader):
+    """Compiles a file each time: Python's cache goes by size and whole seconds, and may hold an older file's code."""
+
+    def get_code(self, fullname: str) -> types.CodeType:
+        return self.source_to_code(self.get_data(self.path), self.path)
+
+
 def _execute(name: str, group: str, path: Path) -> types.ModuleType:
-    spec = spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
+    if path.suffix != ".py":
         raise PluginError(f"{path}: is not a Python file")
+    spec = spec_from_file_location(name, path, loader=_FromSource(name, str(path)))
+    assert spec is not None, "a loader was given"
+    assert spec.loader is not None
     module = module_from_spec(spec)
     module.__dict__["__hilrig_group__"] = group
     sys.modules[name] = module  # dataclasses and numba look their module up there

@@ -116,7 +116,7 @@ def _lockstep(settings: Settings) -> list[Measurand]:
     return [
         _trial("lockstep", ("bus", "lockstep", "watch"), "hilrig run in lockstep, over the bus", plain),
         _trial(
-            "lockstep.exchange", ("bus", "lockstep"), "the same, each command awaited (actuation_delay 0)",
+            "lockstep.exchange", ("bus", "lockstep"), "hilrig run in lockstep, each command awaited",
             TrialCall(settings.lockstep, (*clock, "--set", "actuation_delay=0")),
         ),
         Measurand(
