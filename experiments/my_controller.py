@@ -5,8 +5,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from hilrig.impedance import advance_filter, model_torque
-from hilrig.interfaces import Law, Parameter
+from hilrig import Law, Parameter, advance_filter, model_torque
 
 
 class Memory(NamedTuple):

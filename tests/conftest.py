@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import sys
 import tempfile
 import threading
 import time
@@ -13,8 +12,6 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-
-sys.path.insert(0, str(Path(__file__).parent))  # for `builders` and `rods`: tests are imported without a package
 
 # The first call of a kernel compiles it: an example may take seconds.
 settings.register_profile("hilrig", deadline=None)

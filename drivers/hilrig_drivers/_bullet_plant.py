@@ -6,17 +6,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hilrig.actuation import holding_position, motor_torque
-from hilrig.contact import SurfaceState
-from hilrig.interfaces import Begin
-from hilrig.kernel import kernel
-from hilrig.robots.planar_2r import Geometry, kinematics
-from hilrig.signals import Array, Command, Measurement, Nudge, Truth
+from hilrig import (
+    Array,
+    Command,
+    Measurement,
+    PlantDisturbance,
+    SurfaceState,
+    TrialStart,
+    Truth,
+    holding_position,
+    kernel,
+    motor_torque,
+)
+from hilrig.kinds.robots.planar_2r import Geometry, kinematics
 from hilrig_drivers._bullet_world import EngineContact, ExplicitContact, World
 from hilrig_drivers._planar import Constants, PlanarArm, friction, planar_wrench, surface_now
 
 
-class Sight(NamedTuple):
+class Observation(NamedTuple):
     """The arm between two steps of the engine."""
 
     joint_position: Array
@@ -31,7 +38,7 @@ class Sight(NamedTuple):
 class BulletPlant:
     """The arm in one trial."""
 
-    def __init__(self, arm: PlanarArm, engine_contact: bool, substep: float, begin: Begin) -> None:
+    def __init__(self, arm: PlanarArm, engine_contact: bool, substep: float, begin: TrialStart) -> None:
         self._constants, self._dynamics = arm.constants(), arm.robot.dynamic_parameters()
         # Direct drive without friction is common, and the time of a call into a kernel counts.
         self._direct = arm.servo_gain is None and not any((*arm.coulomb, *arm.viscous))
@@ -42,21 +49,21 @@ class BulletPlant:
         self._sight = self._look()
         self._torque: Array | None = None
 
-    def measure(self, disturbance: Nudge) -> Measurement:
+    def measure(self, disturbance: PlantDisturbance) -> Measurement:
         """Return joint positions and the wrench the robot exerts."""
         force = self._force(disturbance)
         if self._torque is None:
             self._torque = self._sight.gravity + self._sight.jacobian.T @ force
         return Measurement(self._sight.joint_position, planar_wrench(*force), self._torque)
 
-    def advance(self, command: Command, disturbance: Nudge) -> None:
+    def advance(self, command: Command, disturbance: PlantDisturbance) -> None:
         """Step the engine through one period with the command held."""
         surface = surface_now(self._constants.surface, disturbance)
         for i in range(self._steps):
             now = moved(surface, i * self._world.step_size)
-            sight = self._sight
+            observation = self._sight
             motor, net = self._drive(command, disturbance.joint_friction_scale)
-            self._contact.apply(now, sight.position, sight.velocity, disturbance.tip_force)
+            self._contact.apply(now, observation.position, observation.velocity, disturbance.tip_force)
             self._world.step(net)
             self._sight, self._torque = self._look(), motor
 
@@ -70,20 +77,29 @@ class BulletPlant:
         """Return the command that holds the arm where it is."""
         torque = self._torque
         assert torque is not None, "measure() comes first"
-        sight = self._sight
-        return Command(torque, holding_position(torque, sight.joint_position, self._constants.servo, sight.gravity))
+        observation = self._sight
+        return Command(
+            torque, holding_position(torque, observation.joint_position, self._constants.servo, observation.gravity)
+        )
 
-    def truth(self, disturbance: Nudge) -> Truth:
+    def truth(self, disturbance: PlantDisturbance) -> Truth:
         """Return the true state."""
-        sight = self._sight
+        observation = self._sight
         place = self._constants.surface.position + disturbance.surface_offset
         wrench = planar_wrench(*self._force(disturbance))
-        return Truth(sight.joint_position, sight.joint_velocity, sight.position, sight.velocity, wrench, place)
+        return Truth(
+            observation.joint_position,
+            observation.joint_velocity,
+            observation.position,
+            observation.velocity,
+            wrench,
+            place,
+        )
 
-    def _look(self) -> Sight:
+    def _look(self) -> Observation:
         return look(self._constants.geometry, self._dynamics, *self._world.joints())
 
-    def _force(self, disturbance: Nudge) -> Array:
+    def _force(self, disturbance: PlantDisturbance) -> Array:
         surface = surface_now(self._constants.surface, disturbance)
         return self._contact.force(surface, self._sight.position, self._sight.velocity) + disturbance.tip_force
 
@@ -98,19 +114,19 @@ def moved(surface: SurfaceState, after: float) -> SurfaceState:
 
 
 @kernel
-def look(geometry: Geometry, dynamics: Array, q: Array, rate: Array) -> Sight:
+def look(geometry: Geometry, dynamics: Array, q: Array, rate: Array) -> Observation:
     """Return what follows from the joints' state (2,) rad, (2,) rad/s."""
     at = kinematics(geometry, q, rate)
     # The nominal parameters have no friction: what is left of the regressor's constant part is gravity.
-    return Sight(q, rate, at.position, at.velocity, np.dot(at.regressor[0], dynamics), at.jacobian)
+    return Observation(q, rate, at.position, at.velocity, np.dot(at.regressor[0], dynamics), at.jacobian)
 
 
 @kernel
 def joint_torque(
-    c: Constants, sight: Sight, friction_scale: float, torque: Array, reference: Array
+    c: Constants, observation: Observation, friction_scale: float, torque: Array, reference: Array
 ) -> tuple[Array, Array]:
     """Return the motors' torque (2,) N m, and what is left of it behind the joints' friction."""
-    q, rate, gravity = sight.joint_position, sight.joint_velocity, sight.gravity
+    q, rate, gravity = observation.joint_position, observation.joint_velocity, observation.gravity
     motor, net = np.empty(2), np.empty(2)
     for i in range(2):
         motor[i] = motor_torque(c.servo, torque[i], reference[i], q[i], rate[i], gravity[i])

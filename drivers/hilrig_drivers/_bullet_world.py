@@ -17,9 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from hilrig.contact import Surface, SurfaceState
-from hilrig.robots.planar_2r import Planar2r
-from hilrig.signals import Array, Picture
+from hilrig import Array, Picture, Surface, SurfaceState
+from hilrig.kinds.robots.planar_2r import Planar2r
 from hilrig_drivers._planar import tip_force
 
 

@@ -7,14 +7,22 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from hilrig.actuation import Actuation, Servo
-from hilrig.contact import Surface, SurfaceState, contact_force
-from hilrig.interfaces import Parameter
-from hilrig.kernel import jitable, kernel
-from hilrig.robots.planar_2r import FRICTION_RATE, Geometry, Planar2r
-from hilrig.signals import Array, Inputs, Nudge
+from hilrig import (
+    Actuation,
+    Array,
+    DisturbanceSchedule,
+    Parameter,
+    PlantDisturbance,
+    Servo,
+    Surface,
+    SurfaceState,
+    contact_force,
+    jitable,
+    kernel,
+)
+from hilrig.kinds.robots.planar_2r import FRICTION_RATE, Geometry, Planar2r
 
-PLANT_INPUTS = tuple(name for name in Inputs._fields if name.startswith("plant_"))
+PLANT_INPUTS = tuple(name for name in DisturbanceSchedule._fields if name.startswith("plant_"))
 """Every plant disturbance there is."""
 
 
@@ -66,7 +74,7 @@ class Constants(NamedTuple):
 
 
 @jitable
-def surface_now(surface: SurfaceState, disturbance: Nudge) -> SurfaceState:
+def surface_now(surface: SurfaceState, disturbance: PlantDisturbance) -> SurfaceState:
     """Return the undisturbed `surface` with its disturbances."""
     return SurfaceState(
         surface.position + disturbance.surface_offset,

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Annotated, ClassVar, Literal
 
-from hilrig.interfaces import Abilities, Begin, Parameter, Plant
-from hilrig.signals import Array, Picture
+from hilrig import Array, Capabilities, Parameter, Picture, Plant, TrialStart
 from hilrig_drivers._planar import PLANT_INPUTS, PlanarArm
 
 
@@ -21,7 +20,7 @@ class PybulletArm(PlanarArm):
     Friction of the joints: f tanh(q'/5e-3) + b q'.
     """
 
-    abilities: ClassVar[Abilities] = Abilities(("lockstep", "realtime"), PLANT_INPUTS, simulated=True)
+    capabilities: ClassVar[Capabilities] = Capabilities(("lockstep", "realtime"), PLANT_INPUTS, simulated=True)
 
     contact: Literal["explicit", "engine"] = "explicit"
     substep: Annotated[float, Parameter("s", "engine step, at most", 1e-5, 1e-2, "log")] = 5e-4
@@ -35,7 +34,7 @@ class PybulletArm(PlanarArm):
         if self.contact == "engine" and self.surface.pulls:
             raise ValueError("surface.pulls: the engine's contact cannot pull; use contact: explicit")
 
-    def begin(self, begin: Begin) -> Plant:
+    def begin(self, begin: TrialStart) -> Plant:
         """Return the arm at rest, held there by its motors."""
         # Imported here: the controller's process needs the robot of this driver, and no physics engine.
         from hilrig_drivers._bullet_plant import BulletPlant

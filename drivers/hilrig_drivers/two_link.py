@@ -7,12 +7,23 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from hilrig.actuation import holding_position, motor_torque
-from hilrig.contact import SurfaceState, contact_force
-from hilrig.interfaces import Abilities, Begin, Parameter
-from hilrig.kernel import kernel
-from hilrig.kernel_interfaces import PlantKernels, Sight
-from hilrig.signals import Array, Command, Measurement, Nudge, Truth
+from hilrig import (
+    Array,
+    Capabilities,
+    Command,
+    Measurement,
+    Observation,
+    Parameter,
+    PlantDisturbance,
+    PlantKernels,
+    SurfaceState,
+    TrialStart,
+    Truth,
+    contact_force,
+    holding_position,
+    kernel,
+    motor_torque,
+)
 from hilrig_drivers._planar import PLANT_INPUTS, Constants, PlanarArm, friction, surface_now
 
 
@@ -26,12 +37,12 @@ class TwoLink(PlanarArm):
     M' - 2C is then not skew-symmetric, and the arm makes and loses energy of itself.
     """
 
-    abilities: ClassVar[Abilities] = Abilities(("lockstep", "realtime"), PLANT_INPUTS, simulated=True)
+    capabilities: ClassVar[Capabilities] = Capabilities(("lockstep", "realtime"), PLANT_INPUTS, simulated=True)
 
     substep: Annotated[float, Parameter("s", "integration step, at most", 1e-6, 1e-2, "log")] = 2.5e-4
     coriolis: Literal["passive", "printed"] = "passive"
 
-    def begin(self, begin: Begin) -> TwoLinkPlant:
+    def begin(self, begin: TrialStart) -> TwoLinkPlant:
         """Return the arm at rest, held there by its motors."""
         return TwoLinkPlant(self, begin)
 
@@ -50,7 +61,7 @@ class Model(NamedTuple):
 class TwoLinkPlant:
     """The arm in one trial."""
 
-    def __init__(self, driver: TwoLink, begin: Begin) -> None:
+    def __init__(self, driver: TwoLink, begin: TrialStart) -> None:
         steps = max(1, int(np.ceil(begin.period / driver.substep - 1e-9)))
         self._model = Model(driver.constants(), driver.coriolis == "printed", begin.period / steps, steps)
         self._state = np.concatenate([begin.joint_position, np.zeros(4)])
@@ -60,15 +71,15 @@ class TwoLinkPlant:
         """Return the arm as kernels, from the state it is in."""
         return PlantKernels(observe, advance, self._model, self._state)
 
-    def measure(self, disturbance: Nudge) -> Measurement:
+    def measure(self, disturbance: PlantDisturbance) -> Measurement:
         """Return joint positions and the wrench the robot exerts."""
         if not self._begun:
             self._begun = True
             self._state[4:] = holding_torque(self._model, self._state, disturbance)
-        sight, _ = self._look(disturbance)
-        return Measurement(sight.joint_position, sight.wrench, sight.applied_torque)
+        observation, _ = self._look(disturbance)
+        return Measurement(observation.joint_position, observation.wrench, observation.applied_torque)
 
-    def advance(self, command: Command, disturbance: Nudge) -> None:
+    def advance(self, command: Command, disturbance: PlantDisturbance) -> None:
         """Integrate one period with the command held."""
         advance(self._model, self._state, disturbance, command.torque, command.position)
 
@@ -79,14 +90,14 @@ class TwoLinkPlant:
         gravity = np.array(weight(self._model.arm, pose(*q)))
         return Command(torque, holding_position(torque, q, self._model.arm.servo, gravity))
 
-    def truth(self, disturbance: Nudge) -> Truth:
+    def truth(self, disturbance: PlantDisturbance) -> Truth:
         """Return the true state."""
-        sight, surface = self._look(disturbance)
-        return Truth(*sight[:5], surface)
+        observation, surface = self._look(disturbance)
+        return Truth(*observation[:5], surface)
 
-    def _look(self, disturbance: Nudge) -> tuple[Sight, float]:
-        sight = Sight(*(np.empty(6 if name == "wrench" else 2) for name in Sight._fields))
-        return sight, observe(self._model, self._state, disturbance, sight)
+    def _look(self, disturbance: PlantDisturbance) -> tuple[Observation, float]:
+        observation = Observation(*(np.empty(6 if name == "wrench" else 2) for name in Observation._fields))
+        return observation, observe(self._model, self._state, disturbance, observation)
 
     def close(self) -> None:
         """Nothing to release."""
@@ -148,7 +159,7 @@ def exerted(surface: SurfaceState, push: Pair, after: float, place: Pair, speed:
 
 
 @kernel
-def touched(c: Constants, disturbance: Nudge) -> tuple[SurfaceState, Pair]:
+def touched(c: Constants, disturbance: PlantDisturbance) -> tuple[SurfaceState, Pair]:
     """Return the surface as disturbed, and the external force on the tip, N."""
     return surface_now(c.surface, disturbance), (disturbance.tip_force[0], disturbance.tip_force[1])
 
@@ -171,7 +182,7 @@ def inertia(c: Constants, at: Pose) -> tuple[float, float, float, float]:
 
 
 @kernel
-def holding_torque(model: Model, state: Array, disturbance: Nudge) -> Array:
+def holding_torque(model: Model, state: Array, disturbance: PlantDisturbance) -> Array:
     """Return the torque G + J^T F_e that holds the arm at rest, (2,) N m."""
     c, at = model.arm, pose(state[0], state[1])
     place, row_x, row_z = jacobian(c, at)
@@ -208,7 +219,7 @@ def along(s: Four, step: float, rate: Four) -> Four:
 
 
 @kernel
-def advance(model: Model, state: Array, disturbance: Nudge, torque: Array, reference: Array) -> None:
+def advance(model: Model, state: Array, disturbance: PlantDisturbance, torque: Array, reference: Array) -> None:
     """Move `state` (6,) on by one period, in place, by classical Runge-Kutta steps under a held command."""
     h = model.substep
     surface, push = touched(model.arm, disturbance)
@@ -225,15 +236,19 @@ def advance(model: Model, state: Array, disturbance: Nudge, torque: Array, refer
 
 
 @kernel
-def observe(model: Model, state: Array, disturbance: Nudge, sight: Sight) -> float:
-    """Fill `sight` with the true state, the wrench the robot exerts and the motors' last torque."""
+def observe(model: Model, state: Array, disturbance: PlantDisturbance, observation: Observation) -> float:
+    """Fill `observation` with the true state, the wrench the robot exerts and the motors' last torque."""
     c = model.arm
     place, row_x, row_z = jacobian(c, pose(state[0], state[1]))
     speed = (row_x[0] * state[2] + row_x[1] * state[3], row_z[0] * state[2] + row_z[1] * state[3])
     force = exerted(*touched(c, disturbance), 0.0, place, speed)
-    sight.wrench[:] = 0.0
-    sight.wrench[0], sight.wrench[2] = force
+    observation.wrench[:] = 0.0
+    observation.wrench[0], observation.wrench[2] = force
     for i in range(2):
-        sight.joint_position[i], sight.joint_velocity[i], sight.applied_torque[i] = state[i], state[2 + i], state[4 + i]
-        sight.position[i], sight.velocity[i] = place[i], speed[i]
+        observation.joint_position[i], observation.joint_velocity[i], observation.applied_torque[i] = (
+            state[i],
+            state[2 + i],
+            state[4 + i],
+        )
+        observation.position[i], observation.velocity[i] = place[i], speed[i]
     return c.surface.position + disturbance.surface_offset

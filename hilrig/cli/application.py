@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from hilrig import __version__
-from hilrig.errors import RunDirectoryError, nearest
+from hilrig.core.errors import RunDirectoryError, nearest
 
 RUNS = Path("runs")
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hilrig.cli.application import AsJson, app, print_json
-from hilrig.errors import ExperimentError, nearest
+from hilrig.core.errors import ExperimentError, nearest
 
 if TYPE_CHECKING:
-    from hilrig.bench import Settings
+    from benchmarks import Settings
 
 bench_app = typer.Typer(rich_markup_mode=None)
 app.add_typer(bench_app, name="bench")
@@ -79,7 +79,7 @@ def stalls(
     """
     import tempfile
 
-    from hilrig.bench.stalls import measure_stalls, render
+    from benchmarks.stalls import measure_stalls, render
 
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
         found = measure_stalls(count, Path(folder), seed)
@@ -92,14 +92,14 @@ def stalls(
 def _settings(quick: bool, repeats: int | None) -> Settings:
     from dataclasses import replace
 
-    from hilrig.bench import QUICK, Settings
+    from benchmarks import QUICK, Settings
 
     settings = QUICK if quick else Settings()
     return settings if repeats is None else replace(settings, repeats=repeats)
 
 
 def _measure(settings: Settings, only: list[str]) -> dict[str, Any]:
-    from hilrig.bench import measure, names
+    from benchmarks import measure, names
 
     known = names()
     for name in only:
@@ -109,7 +109,7 @@ def _measure(settings: Settings, only: list[str]) -> dict[str, Any]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    from hilrig.bench import FORM
+    from benchmarks import FORM
     from hilrig.recording.run_directory import read_json
 
     found = read_json(path)
@@ -119,7 +119,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _tell(found: dict[str, Any], as_json: bool, out: Path | None, markdown: Path | None) -> None:
-    from hilrig.bench.page import page
+    from benchmarks.page import page
     from hilrig.recording.run_directory import to_json
 
     if out is not None:
@@ -133,8 +133,8 @@ def _tell(found: dict[str, Any], as_json: bool, out: Path | None, markdown: Path
 
 
 def _show(found: dict[str, Any]) -> None:
-    from hilrig.bench.tables import machine_lines, tables
-    from hilrig.terminal import print_table
+    from benchmarks.tables import machine_lines, tables
+    from hilrig.cli.terminal import print_table
 
     for line in machine_lines(found["machine"]):
         typer.echo(line)

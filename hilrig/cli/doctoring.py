@@ -13,8 +13,8 @@ from hilrig.cli.application import AsJson, app, print_json
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from hilrig.doctor.findings import Finding
-    from hilrig.doctor.verdict import Probe, Verdict
+    from hilrig.cli.doctor.findings import Finding
+    from hilrig.cli.doctor.verdict import Probe, Verdict
 
 STYLES = {"ok": "green", "note": "yellow", "fault": "red"}
 WORDS = {"ready": "green", "usable with late ticks": "yellow", "not ready": "red"}
@@ -30,12 +30,12 @@ def doctor(
     Reads what the machine says of itself, then measures the wake-up lateness and the bus round trip at 1 kHz, with the
     default set-up of an experiment. Exit code: 0 the machine was examined, whatever was found.
     """
-    from hilrig.doctor.findings import findings, from_probe
-    from hilrig.doctor.host import read_host
-    from hilrig.doctor.probe import probe
-    from hilrig.doctor.trying import try_things
-    from hilrig.doctor.verdict import judge
-    from hilrig.rig_settings import RigSettings
+    from hilrig.cli.doctor.findings import findings, from_probe
+    from hilrig.cli.doctor.host import read_host
+    from hilrig.cli.doctor.probe import probe
+    from hilrig.cli.doctor.trying import try_things
+    from hilrig.cli.doctor.verdict import judge
+    from hilrig.experiment.rig_settings import RigSettings
 
     settings = RigSettings()
     # Before the probe, which is a load itself.

@@ -8,9 +8,9 @@ import traceback
 import typer
 
 # The verbs register themselves, in the order in which the help lists them.
-from hilrig.cli import running, watching, reproducing, looking, asking, doctoring, benching  # isort: skip  # noqa: F401
+from hilrig.cli import running, watching, reproducing, runs, kinds, doctoring, benching  # isort: skip  # noqa: F401
 from hilrig.cli.application import app
-from hilrig.errors import HilrigError, RigError
+from hilrig.core.errors import HilrigError, RigError
 
 
 def main() -> None:

@@ -12,11 +12,11 @@ import typer
 from hilrig.cli.application import RUNS, Overrides, app, find_run
 from hilrig.cli.results import tell_run
 from hilrig.cli.running import interruptible
-from hilrig.errors import ExperimentError
+from hilrig.core.errors import ExperimentError
 
 if TYPE_CHECKING:
-    from hilrig.reproduction import Loaded
-    from hilrig.trial import Trial
+    from hilrig.experiment.trial import Trial
+    from hilrig.study import Loaded
 
 
 @app.command()
@@ -41,9 +41,9 @@ def reproduce(
     Exit code: 0 all trials completed or ended as expected, and all expectations are met, whatever the claims came to;
     1 a trial did not, or an expectation is not met; 2 the study or the call is wrong; 130 interrupted.
     """
-    from hilrig.reproduction import load_study, make_reproduction
-    from hilrig.reproduction.pages import shown_path
-    from hilrig.reproduction.reuse import match
+    from hilrig.study import load_study, make_reproduction
+    from hilrig.study.pages import shown_path
+    from hilrig.study.reuse import match
 
     overrides = override or []
     if jobs < 1:
@@ -70,9 +70,9 @@ def reproduce(
 
 def _run_all(loaded: Loaded, there: dict[str, Path], out: Path, jobs: int, overrides: list[str]) -> dict[str, Path]:
     """Run every experiment that has no run yet; return a run of each, by name."""
-    from hilrig.plan import plan
+    from hilrig.cli.terminal import Display
+    from hilrig.experiment.plan import plan
     from hilrig.rig.execution import Options, execute
-    from hilrig.terminal import Display
 
     # All plans first: what is wrong must show before anything is started.
     planned: dict[str, tuple[Trial, ...]] = {

@@ -11,8 +11,8 @@ import typer
 
 if TYPE_CHECKING:
     from hilrig.experiment import Experiment
+    from hilrig.experiment.trial import Trial
     from hilrig.rig.outcome import Outcome
-    from hilrig.trial import Trial
 
 Junit = Annotated[
     Path | None,
@@ -63,7 +63,7 @@ def tell_run(run: Path, experiment: Experiment, trials: Sequence[Trial], outcome
 
 def tell_results(run: Path, out: Path | None, report: bool, junit: Path | None) -> bool:
     """Measure a run, make its report if wanted, and print both; return whether every expectation is met."""
-    from hilrig.terminal import errors, print_expectations
+    from hilrig.cli.terminal import errors, print_expectations
 
     with errors.status("making the report" if report else "measuring"):
         from hilrig.report import junit_xml, measure_run, write_report

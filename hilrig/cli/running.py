@@ -12,15 +12,15 @@ import typer
 
 from hilrig.cli.application import RUNS, AsJson, ExperimentFile, Overrides, app, print_json
 from hilrig.cli.results import Junit, make_room, tell_results, tell_run
-from hilrig.errors import ExperimentError
+from hilrig.core.errors import ExperimentError
 
 if TYPE_CHECKING:
-    from hilrig.errors import Problem
+    from hilrig.cli.terminal import Display
+    from hilrig.cli.watch.process import WatchedRun
+    from hilrig.core.errors import Problem
     from hilrig.experiment import Experiment
-    from hilrig.plan.margins import Margins
-    from hilrig.terminal import Display
-    from hilrig.trial import Trial
-    from hilrig.watch.beside import WatchedRun
+    from hilrig.experiment.plan.margins import Margins
+    from hilrig.experiment.trial import Trial
 
 
 @app.command()
@@ -52,7 +52,7 @@ def plan(experiment: ExperimentFile, override: Overrides = None, as_json: AsJson
     if as_json:
         print_json({"experiment": loaded.to_document(), "trials": [trial.to_document() for trial in trials]})
         return
-    from hilrig.terminal import print_table
+    from hilrig.cli.terminal import print_table
 
     rows = [
         [
@@ -94,7 +94,9 @@ def run(
     override: Overrides = None,
     fail_fast: Annotated[
         bool,
-        typer.Option("--fail-fast", help="Begin no further trial after one that did not complete, unless expected so."),
+        typer.Option(
+            "--fail-fast", help="TrialStart no further trial after one that did not complete, unless expected so."
+        ),
     ] = False,
     watch: Annotated[bool, typer.Option("--watch", help="Show the trials as `hilrig watch` does.")] = False,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Make the report at the end.")] = True,
@@ -141,10 +143,10 @@ def run(
 def listener(trials: int, watch: bool) -> Display | WatchedRun:
     """Return who shows how the trials go on: bars, or a watcher."""
     if watch:
-        from hilrig.watch.beside import WatchedRun
+        from hilrig.cli.watch.process import WatchedRun
 
         return WatchedRun()
-    from hilrig.terminal import Display
+    from hilrig.cli.terminal import Display
 
     return Display(trials)
 
@@ -166,7 +168,7 @@ def interruptible() -> threading.Event:
 def planned(path: Path, overrides: list[str]) -> tuple[Experiment, tuple[Trial, ...]]:
     """Return the experiment in the file, with overrides, and its trials. Raises ExperimentError."""
     from hilrig.experiment import load
-    from hilrig.plan import plan as plan_trials
+    from hilrig.experiment.plan import plan as plan_trials
 
     loaded = load(path, overrides)
     return loaded, plan_trials(loaded)
@@ -174,8 +176,8 @@ def planned(path: Path, overrides: list[str]) -> tuple[Experiment, tuple[Trial, 
 
 def judged(experiment: Experiment, trials: tuple[Trial, ...]) -> tuple[Margins, list[Problem]]:
     """Return how far the trials keep the paper's bounds, and what to warn of."""
-    from hilrig.plan.caution import warnings
-    from hilrig.plan.margins import margins
+    from hilrig.experiment.plan.margins import margins
+    from hilrig.experiment.plan.warnings import warnings
 
     found = margins(trials)
     return found, warnings(experiment, found)

@@ -34,7 +34,7 @@ def watch(
 
     from rich.console import Console
 
-    from hilrig.watch.finding import newest_live_run
-    from hilrig.watch.showing import watch_run
+    from hilrig.cli.watch.finding import newest_live_run
+    from hilrig.cli.watch.showing import watch_run
 
     watch_run(newest_live_run(out) if run is None else find_run(run), Console())

@@ -7,15 +7,16 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from hilrig import plugins
-from hilrig.document import Keys
-from hilrig.errors import nearest
+from hilrig.core.errors import nearest
+from hilrig.core.interfaces import is_fault
+from hilrig.core.parameters import per_axis
+from hilrig.core.quantities import shown
+from hilrig.experiment.document import Keys
 from hilrig.experiment.expecting import check_expectation, complete_expectation
 from hilrig.experiment.model import Experiment, Phase
-from hilrig.interfaces import is_fault, per_axis
-from hilrig.quantities import shown
-from hilrig.schema import ONLY_AXIS, Finding, InvalidError
-from hilrig.trial import ALL_PHASES
+from hilrig.experiment.schema import ONLY_AXIS, Finding, InvalidError
+from hilrig.experiment.trial import ALL_PHASES
+from hilrig.kinds import registry as plugins
 
 MIN_TICKS = 2
 """Below that there is no rate and nothing to compare"""
@@ -121,9 +122,9 @@ def _check_time(experiment: Experiment) -> Iterator[Finding]:
 
 
 def _check_abilities(experiment: Experiment) -> Iterator[Finding]:
-    abilities = experiment.driver.abilities
-    if experiment.clock not in abilities.clocks:
-        able = ", ".join(abilities.clocks)
+    capabilities = experiment.driver.capabilities
+    if experiment.clock not in capabilities.clocks:
+        able = ", ".join(capabilities.clocks)
         message = f"the driver cannot run with the clock '{experiment.clock}' (it can: {able})"
         yield Finding(("clock",), message)
     if experiment.actuation_delay == 0 and experiment.clock != "lockstep":
@@ -131,11 +132,13 @@ def _check_abilities(experiment: Experiment) -> Iterator[Finding]:
     for name, disturbances in experiment.conditions.items():
         for i, disturbance in enumerate(disturbances):
             beyond = [
-                field for field in disturbance.acts_on if field.startswith("plant_") and field not in abilities.inputs
+                field
+                for field in disturbance.acts_on
+                if field.startswith("plant_") and field not in capabilities.disturbances
             ]
             if beyond:
                 kind = plugins.name_of(type(disturbance))[1]
-                able = ", ".join(abilities.inputs) or "none"
+                able = ", ".join(capabilities.disturbances) or "none"
                 message = f"the driver cannot apply '{kind}', on {', '.join(beyond)} (it can: {able})"
                 yield Finding(("conditions", name, i), message)
 

@@ -7,12 +7,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from hilrig import plugins
-from hilrig.errors import nearest
+from hilrig.core.errors import nearest
+from hilrig.core.quantities import quantity
 from hilrig.experiment.model import Expectation, Experiment
-from hilrig.quantities import quantity
-from hilrig.schema import Finding
-from hilrig.trial import ALL_PHASES
+from hilrig.experiment.schema import Finding
+from hilrig.experiment.trial import ALL_PHASES
+from hilrig.kinds import registry as plugins
 
 OF_A_METRIC = ("minus", "phase", "axis", "below", "above")
 """Keys that say something of a metric, and nothing of an outcome"""

@@ -8,14 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from hilrig import document
-from hilrig.document import Document, Keys
-from hilrig.errors import ExperimentError, Place, Problem
+from hilrig.core.errors import ExperimentError, Place, Problem
+from hilrig.core.quantities import shown
+from hilrig.experiment import document
 from hilrig.experiment.crosscheck import completed
+from hilrig.experiment.document import Document, Keys
 from hilrig.experiment.model import Experiment
 from hilrig.experiment.overrides import override
-from hilrig.quantities import shown
-from hilrig.schema import Context, Finding, InvalidError, json_schema, read
+from hilrig.experiment.schema import Context, Finding, InvalidError, json_schema, read
 
 STUDY_KEYS = ("claims", "experiments")
 EXPERIMENT_KEYS = ("driver", "task", "phases", "controllers")
@@ -50,7 +50,7 @@ def is_experiment(source: Document) -> bool:
     return not source.data.keys().isdisjoint(EXPERIMENT_KEYS) and source.data.keys().isdisjoint(STUDY_KEYS)
 
 
-def schema() -> dict[str, Any]:
+def experiment_schema() -> dict[str, Any]:
     """Return the JSON Schema of experiment files, with every kind that is installed."""
     return json_schema(Experiment)
 

@@ -1,4 +1,4 @@
-"""What an experiment file says, as frozen dataclasses; hilrig.schema reads them by pydantic models."""
+"""What an experiment file says, as frozen dataclasses; hilrig.experiment.schema reads them by pydantic models."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, Literal
 
-from hilrig import plugins
-from hilrig.document import Document
-from hilrig.errors import Place
-from hilrig.interfaces import Controller, Disturbance, Driver, Parameter, PerAxis, ReferenceSignal
-from hilrig.rig_settings import RigSettings
-from hilrig.schema import ByAxis, Later
-from hilrig.trial import Limits, TimingBudget
+from hilrig.core.errors import Place
+from hilrig.core.interfaces import Controller, Disturbance, Driver, ReferenceSignal
+from hilrig.core.parameters import Parameter, PerAxis
+from hilrig.experiment.document import Document
+from hilrig.experiment.rig_settings import RigSettings
+from hilrig.experiment.schema import ByAxis, Later
+from hilrig.experiment.trial import Limits, TimingBudget
+from hilrig.kinds import registry as plugins
 
 
 @dataclass(frozen=True)

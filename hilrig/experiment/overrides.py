@@ -6,9 +6,9 @@ import copy
 from dataclasses import fields
 from typing import Any
 
-from hilrig import document
-from hilrig.document import Document, Keys
-from hilrig.errors import ExperimentError, Place, Problem, nearest
+from hilrig.core.errors import ExperimentError, Place, Problem, nearest
+from hilrig.experiment import document
+from hilrig.experiment.document import Document, Keys
 from hilrig.experiment.model import Experiment
 
 SECTIONS = tuple(field.name for field in fields(Experiment) if field.name != "source")

@@ -17,8 +17,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel as McapChannel
 from mcap.records import Chunk, Schema
 
-from hilrig.errors import RunDirectoryError
-from hilrig.messages.codec import Codec, Definition, parse, sizes_in
+from hilrig.core.errors import RunDirectoryError
+from hilrig.recording.messages.codec import Codec, Definition, parse, sizes_in
 
 MAGIC = b"\x89MCAP0\r\n"
 _RECORD_HEAD = struct.Struct("<BQ")

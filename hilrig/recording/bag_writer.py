@@ -19,8 +19,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Header, McapRecord, Schema, Statistics
 
 from hilrig import __version__
-from hilrig.messages.codec import Definition
 from hilrig.recording.bag import MAGIC
+from hilrig.recording.messages.codec import Definition
 
 _HEAD = [
     ("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8"),

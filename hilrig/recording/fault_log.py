@@ -18,7 +18,7 @@ class InjectedFault(NamedTuple):
     role: str
     """The process that injected it: driver or controller"""
     kind: str
-    """A field of `hilrig.signals.Faults`"""
+    """A field of `hilrig.core.signals.Faults`"""
     begin: int
     """CLOCK_MONOTONIC, ns"""
     end: int

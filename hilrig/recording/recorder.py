@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hilrig.messages.codec import Codec, Definition
 from hilrig.recording.bag_writer import BagWriter
+from hilrig.recording.messages.codec import Codec, Definition
 
 CHUNK_SIZE = 128 * 1024
 """Bytes of a chunk at least, a tenth of a second at 1 ms: what a crash may lose, and what came with it"""

@@ -12,9 +12,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from hilrig.errors import RunDirectoryError
+from hilrig.core.errors import RunDirectoryError
+from hilrig.experiment.trial import Trial
 from hilrig.recording.bag import is_whole
-from hilrig.trial import Trial
 
 DAMAGED = "damaged"
 """Outcome of a trial that completed, and whose bag has been cut or is gone since"""

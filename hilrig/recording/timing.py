@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from hilrig.certificate.attribution import attribute
-from hilrig.certificate.budget import Budget, broken
-from hilrig.certificate.durations import Terms, durations
-from hilrig.certificate.histogram import histogram, quantiles
-from hilrig.certificate.table import Columns, join
-from hilrig.trial import TimingBudget
+from hilrig.experiment.trial import TimingBudget
+from hilrig.recording.certificate.attribution import attribute
+from hilrig.recording.certificate.budget import Budget, broken
+from hilrig.recording.certificate.durations import Terms, durations
+from hilrig.recording.certificate.histogram import histogram, quantiles
+from hilrig.recording.certificate.table import Columns, join
 
 Setup = Mapping[str, Mapping[str, Mapping[str, Any]]]
 """process -> setting -> {"wanted", "applied", "reason"}"""

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from hilrig import plugins
-from hilrig.errors import HilrigError
+from hilrig.core.errors import HilrigError
+from hilrig.core.signals import Array
+from hilrig.kinds import registry as plugins
 from hilrig.report.dataset import TrialEntry
 from hilrig.report.page import Shown
 from hilrig.report.saving import data_uri
-from hilrig.signals import Array
 
 SECONDS, RATE = 3.0, 15
 WIDTH, HEIGHT = 400, 300

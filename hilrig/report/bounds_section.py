@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from hilrig.core.signals import Array
 from hilrig.report.dataset import RunData
-from hilrig.signals import Array
 
 _TITLES = {
     "delay_printed": "delay bound (24), as printed (nu)",

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hilrig.core.signals import Array
 from hilrig.report.style import Style
-from hilrig.signals import Array
 
 BUCKETS = 450
 """Stretches of time per panel width; each keeps its smallest and its largest value"""

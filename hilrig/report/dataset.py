@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from hilrig.certificate.durations import late_ticks
-from hilrig.certificate.table import Table, join
+from hilrig.core.signals import WRENCH_AXES, Array
 from hilrig.experiment.expecting import ends_as_expected
-from hilrig.messages.codec import definition
-from hilrig.metrics._record import PhaseRecord
+from hilrig.experiment.trial import TaskSpec, make_impedance
+from hilrig.kinds.metrics._record import PhaseRecord
 from hilrig.recording.bag import read_bag
+from hilrig.recording.certificate.durations import late_ticks
+from hilrig.recording.certificate.table import Table, join
+from hilrig.recording.messages.codec import definition
 from hilrig.recording.run_directory import (
     ending,
     find_run,
@@ -26,8 +28,6 @@ from hilrig.recording.run_directory import (
     trial_path,
 )
 from hilrig.recording.timing import terms_of
-from hilrig.signals import WRENCH_AXES, Array
-from hilrig.trial import TaskSpec, make_impedance
 
 CHANNELS = ("truth", "command", "internals", "driver_timing", "controller_timing")
 """The channels a report needs; instead of a truth that the driver does not know, what was measured"""

@@ -10,8 +10,8 @@ import re
 import matplotlib as mpl
 from matplotlib.axes import Axes
 
-from hilrig import plugins
-from hilrig.errors import HilrigError
+from hilrig.core.errors import HilrigError
+from hilrig.kinds import registry as plugins
 from hilrig.report.curves import Curve, limits
 from hilrig.report.dataset import TrialEntry, TrialSignals
 from hilrig.report.panels import Picture, canvas, draw

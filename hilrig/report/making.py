@@ -8,8 +8,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from hilrig.certificate.attribution import attribute
-from hilrig.errors import RunDirectoryError
+from hilrig.core.errors import RunDirectoryError
+from hilrig.recording.certificate.attribution import attribute
 from hilrig.recording.run_directory import make_directory, write_json
 from hilrig.recording.timing import terms_of
 from hilrig.report.animation import animation

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from hilrig import plugins
-from hilrig.errors import RunDirectoryError
-from hilrig.interfaces import Metric
-from hilrig.metrics._record import PhaseRecord
+from hilrig.core.errors import RunDirectoryError
+from hilrig.core.interfaces import Metric
+from hilrig.experiment.trial import ALL_PHASES
+from hilrig.kinds import registry as plugins
+from hilrig.kinds.metrics._record import PhaseRecord
 from hilrig.report.dataset import TrialEntry, TrialSignals
-from hilrig.trial import ALL_PHASES
 
 COLUMNS = ("trial", "controller", "condition", "repeat", "phase", "metric", "axis", "value", "unit")
 

@@ -10,14 +10,14 @@ from typing import Any
 
 import pandas as pd
 
-from hilrig.certificate.durations import command_age
-from hilrig.certificate.table import NS, Table
+from hilrig.core.signals import Array
+from hilrig.recording.certificate.durations import command_age
+from hilrig.recording.certificate.table import NS, Table
 from hilrig.recording.run_directory import DAMAGED
 from hilrig.recording.timing import terms_of
 from hilrig.report.dataset import RunData, TrialEntry, TrialSignals, align, load_run, read_channels, timing_table
 from hilrig.report.expectations import Expected, judge
 from hilrig.report.measures import all_metrics, measure, table
-from hilrig.signals import Array
 
 Drawn = Mapping[str, Mapping[str, TrialEntry]]
 """Trials to be drawn: condition -> controller -> trial"""

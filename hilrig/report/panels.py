@@ -12,11 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+from hilrig.core.signals import Array
 from hilrig.report.curves import Curve, limits, thin, window
 from hilrig.report.dataset import TrialEntry, TrialSignals
 from hilrig.report.legend import Legend, draw_legend, legend_of
-from hilrig.report.style import QUIET, REFERENCE, TWO_COLUMNS, Style, styles
-from hilrig.signals import Array
+from hilrig.report.style import MUTED, REFERENCE, TWO_COLUMNS, Style, styles
 
 TOP, BOTTOM, LEFT, RIGHT = 0.42, 0.42, 0.62, 0.1
 """Margins, inches"""
@@ -167,7 +167,7 @@ def mark_phases(axes: Axes, drawn: Drawn) -> None:
             axes.annotate(phase["name"], (phase["start"], 1.0), xycoords=("data", "axes fraction"), xytext=(3, 2),
                           textcoords="offset points", fontsize=7, color="#666666")  # fmt: skip
         if 0 < phase["start"] < drawn.end:
-            axes.axvline(phase["start"], color=QUIET, linewidth=0.6, linestyle=(0, (2, 2)))
+            axes.axvline(phase["start"], color=MUTED, linewidth=0.6, linestyle=(0, (2, 2)))
     looks = styles(drawn.controllers)
     early = {name: signals for name, (trial, signals) in drawn.trials.items() if not trial.counts}
     for row, (name, signals) in enumerate(early.items()):

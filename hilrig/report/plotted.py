@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from hilrig.metrics._record import PhaseRecord
-from hilrig.signals import Array
+from hilrig.core.signals import Array
+from hilrig.kinds.metrics._record import PhaseRecord
 
 ByAxis = dict[str, Array]
 """Values (N,) by the axis they belong to"""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from hilrig.errors import RunDirectoryError
+from hilrig.core.errors import RunDirectoryError
 from hilrig.report.comparison import CELL, interval
 from hilrig.report.dataset import RunData, load_run, read_signals
 from hilrig.report.measures import all_metrics, measure, read_table, table

@@ -20,7 +20,7 @@ DASHES: tuple[Any, ...] = (
 )
 
 REFERENCE = "#1a1a1a"
-QUIET = "#8c8c8c"
+MUTED = "#8c8c8c"
 
 RC: Any = {
     "font.family": "DejaVu Sans",

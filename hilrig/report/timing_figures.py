@@ -10,18 +10,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from hilrig.certificate.attribution import Attribution
-from hilrig.certificate.histogram import tail
-from hilrig.certificate.processes import CULPRITS
-from hilrig.certificate.table import Table
+from hilrig.recording.certificate.attribution import Attribution
+from hilrig.recording.certificate.histogram import tail
+from hilrig.recording.certificate.processes import CULPRITS
+from hilrig.recording.certificate.table import Table
 from hilrig.report.curves import thin
 from hilrig.report.dataset import TrialEntry
 from hilrig.report.legend import legend_of
 from hilrig.report.panels import LEFT, RIGHT, TOP, Picture, canvas, name_curves
-from hilrig.report.style import QUIET, RC, TWO_COLUMNS, Style, styles
+from hilrig.report.style import MUTED, RC, TWO_COLUMNS, Style, styles
 
 COLOURS = dict(zip(CULPRITS, ("#0072B2", "#E69F00", "#D55E00", "#8A8A8A"), strict=True))
-"""Of late ticks by culprit"""
+"""Of late ticks by cause"""
 LEAST = 0.1
 """us: what a logarithmic axis shows of less"""
 LINE = "#4d4d4d"
@@ -41,7 +41,7 @@ class Stamped(NamedTuple):
 
 
 def lateness_figure(condition: str, trials: Mapping[str, Stamped]) -> Picture:
-    """Return lateness over time, a panel for each controller, and the late ticks in their culprits' colours."""
+    """Return lateness over time, a panel for each controller, and the late ticks in their causes' colours."""
     with mpl.rc_context(RC):
         named = legend_of({f"late: {name}": Style(colour, "-") for name, colour in COLOURS.items()}, False, WIDTH)
         figure, grid = canvas(len(trials), 1, 1.3, 1.3, top=TOP + named.further)
@@ -52,7 +52,7 @@ def lateness_figure(condition: str, trials: Mapping[str, Stamped]) -> Picture:
         name_curves(figure, named)
     text = (
         f"Condition {condition}, of each controller the repeat with the most late ticks: from due to awake. "
-        "Marks above: late ticks, a row and a colour for each culprit. Dashed: one period."
+        "Marks above: late ticks, a row and a colour for each cause. Dashed: one period."
     )
     return Picture(f"lateness_{condition}", "Lateness", text, figure)
 
@@ -62,13 +62,13 @@ def _over_time(axes: Axes, stamped: Stamped) -> None:
     time = own.tick * period
     lateness = np.maximum((own.woke - own.due) / 1e3, LEAST)
     axes.plot(*thin(time, lateness), color=LINE, linewidth=0.6)
-    axes.axhline(1e6 * period, color=QUIET, linewidth=0.7, linestyle=(0, (4, 2)))
+    axes.axhline(1e6 * period, color=MUTED, linewidth=0.7, linestyle=(0, (4, 2)))
     axes.set_yscale("log")
     low, high = LEAST, max(float(lateness.max(initial=0.0)), 1e6 * period)
     # Above the curve stands a quarter of the panel for the marks.
     axes.set_ylim(max(low, float(lateness.min(initial=high)) / 2), high * (high / max(low, 1.0)) ** 0.35)
     for number, colour in enumerate(COLOURS.values()):
-        at = time[stamped.found.culprit == number]
+        at = time[stamped.found.cause == number]
         height = np.full(at.size, 0.95 - 0.06 * number)
         axes.plot(at, height, "|", color=colour, markersize=5, transform=axes.get_xaxis_transform(), zorder=5)
     axes.set_xlim(0, max(float(time[-1]), period) if time.size else period)
@@ -92,7 +92,7 @@ def tail_figure(trials: Sequence[TrialEntry], controllers: tuple[str, ...]) -> P
             axes = figure.add_subplot(grid[0, column])
             for trial in told:
                 _tail(axes, trial.timing["histograms"].get(name, []), looks[trial.controller])
-            axes.axvline(1e6 * limit, color=QUIET, linewidth=0.7, linestyle=(0, (4, 2)))
+            axes.axvline(1e6 * limit, color=MUTED, linewidth=0.7, linestyle=(0, (4, 2)))
             axes.set_xscale("log")
             low, high = axes.get_xlim()
             axes.xaxis.set_major_locator(LogLocator(subs=FINE if high / low < FEW_DECADES else (1.0,)))

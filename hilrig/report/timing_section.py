@@ -32,7 +32,7 @@ class TimingRow:
     late: int | None
     late_fraction: float | None
     late_by: Mapping[str, int] | None
-    """By culprit"""
+    """By cause"""
     times: Mapping[str, Mapping[str, float] | None]
     """p50, p99, p99.9 and max by quantity, us"""
     lost: int | None

@@ -8,8 +8,8 @@ from typing import Any
 
 import pandas as pd
 
+from hilrig.experiment.trial import ALL_PHASES
 from hilrig.report.comparison import Verdict
-from hilrig.trial import ALL_PHASES
 
 Cell = tuple[str, str, str, str]
 HEADLINES = ("force_rmse", "position_rmse", "auxiliary_error_rmse")

@@ -14,7 +14,7 @@ from typing import Any
 
 import zenoh
 
-from hilrig.errors import RigError
+from hilrig.core.errors import RigError
 
 DEPTH = 4096
 """Messages an inbox holds before it holds up its sender (lockstep) or loses (real time)"""

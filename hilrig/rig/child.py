@@ -15,14 +15,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from hilrig.errors import RigError, Stopped, describe
+from hilrig.core.errors import RigError, Stopped, describe
+from hilrig.experiment.rig_settings import RigSettings
+from hilrig.experiment.trial import Trial
 from hilrig.recording.run_directory import read_trial
+from hilrig.rig.background_sender import BackgroundSender
 from hilrig.rig.bus import Bus
-from hilrig.rig.continuations import Continuations
-from hilrig.rig.courier import Courier
+from hilrig.rig.resume_monitor import ResumeMonitor
 from hilrig.rig.setup import Report, as_wanted, prepare, refusals, settle
-from hilrig.rig_settings import RigSettings
-from hilrig.trial import Trial
 
 PR_SET_PDEATHSIG = 1
 REHEARSALS = 3
@@ -67,8 +67,8 @@ class Child:
         self.setup: Report = {}
         """What came of the settings in this process"""
         self._bus: Bus | None = None
-        self._courier: Courier | None = None
-        self.continuations = Continuations()
+        self._courier: BackgroundSender | None = None
+        self.resume_monitor = ResumeMonitor()
 
     def read_trial(self) -> Trial:
         """Return the trial that this rig is to run."""
@@ -82,7 +82,7 @@ class Child:
         """
         if self._bus is None:
             self.setup = prepare(self.settings, self.role, self.orders.cores, self.orders.realtime)
-            self.continuations.listen()
+            self.resume_monitor.listen()
             low_latency = self.settings.low_latency_link or not self.orders.realtime
             self.setup["low_latency_link"] = as_wanted("on" if low_latency else "off")
             self._bus = Bus(self.orders.trial, self.role, self.orders.listen, self.orders.connect, low_latency)
@@ -91,15 +91,15 @@ class Child:
         return self._bus
 
     def record(self) -> Callable[[bytes], None]:
-        """Return what sends parcels to the logger; in real time it never waits."""
+        """Return what sends packets to the logger; in real time it never waits."""
         put = self.bus.outbox("record", blocking=True).put
         if not self.orders.realtime:
             return put
-        self._courier = Courier(put)
+        self._courier = BackgroundSender(put)
         return self._courier.send
 
     def finish_record(self) -> None:
-        """Wait until all parcels have been sent."""
+        """Wait until all packets have been sent."""
         if self._courier is not None:
             self._courier.finish()
 

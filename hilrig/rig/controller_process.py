@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 
-from hilrig.errors import Tripped
-from hilrig.messages.layouts import layouts
+from hilrig.core.errors import Tripped
+from hilrig.recording.messages.layouts import layouts
 from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.bus import Inbox, Outbox
 from hilrig.rig.channels import CONTROLLER, Record
 from hilrig.rig.child import Child, main
 from hilrig.rig.faults import Injector
-from hilrig.rig.halves import ControlHalf, warm_up_control
+from hilrig.rig.nodes import ControllerNode, warm_up_control
 
 
 def work(child: Child) -> None:
@@ -26,7 +26,7 @@ def work(child: Child) -> None:
     if injector is not None:
         commands = injector.outbox(commands)
     record = Record(child.record(), codecs, CONTROLLER)
-    half = ControlHalf(trial, codecs, record.sheets, record.rows)
+    half = ControllerNode(trial, codecs, record.batches, record.rows)
     child.ready(("driver", "logger"), record.rehearse, memory=memory)
     try:
         answer_all(child, trial.period, half, record, states, commands, injector)
@@ -42,13 +42,13 @@ def work(child: Child) -> None:
 
 
 def answer_all(
-    child: Child, period: float, half: ControlHalf, record: Record, states: Inbox, commands: Outbox,
+    child: Child, period: float, half: ControllerNode, record: Record, states: Inbox, commands: Outbox,
     injector: Injector | None,
 ) -> None:  # fmt: skip
     """Answer until the last measurement. Raises Tripped."""
-    now, put, message = time.monotonic_ns, commands.put, record.sheets["command"].message
+    now, put, message = time.monotonic_ns, commands.put, record.batches["command"].message
     note, last = record.stamps.append, record.rows - 1
-    certified, unstamped, continuations = child.settings.certificate, child.settings.unstamped, child.continuations
+    certified, unstamped, resume_monitor = child.settings.certificate, child.settings.unstamped, child.resume_monitor
     while True:
         waiting = now()
         state = states.take()
@@ -65,7 +65,7 @@ def answer_all(
         published = now()
         put(command)
         if certified and not tick & unstamped:
-            note((tick, tick * period, waiting, received, computed, published, continuations.last))
+            note((tick, tick * period, waiting, received, computed, published, resume_monitor.last))
         record.wrote(row)
         if row == last:
             record.ship()

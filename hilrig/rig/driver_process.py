@@ -6,18 +6,18 @@ import time
 from collections import deque
 from collections.abc import Mapping
 
-from hilrig.errors import Stopped
-from hilrig.loop import drive
-from hilrig.messages.codec import Codec
-from hilrig.messages.layouts import layouts
+from hilrig.core.errors import Stopped
+from hilrig.experiment.trial import Trial
+from hilrig.loop.tick import drive
+from hilrig.recording.messages.codec import Codec
+from hilrig.recording.messages.layouts import layouts
 from hilrig.recording.run_directory import trial_directory
-from hilrig.rig.arrivals import Arrivals, Waiting
 from hilrig.rig.channels import DRIVER, Record
 from hilrig.rig.child import Child, main
 from hilrig.rig.clock import PROGRESS, Pacer
+from hilrig.rig.command_receiver import CommandReceiver, Waiting
 from hilrig.rig.faults import Injector
-from hilrig.rig.halves import PlantHalf, warm_up_plant
-from hilrig.trial import Trial
+from hilrig.rig.nodes import DriverNode, warm_up_plant
 
 UNHEARD = 100
 """Ticks without an answer in real time, after which only every so many measurements are sent: a process that does not
@@ -36,12 +36,12 @@ class BusWire:
         outbox = child.bus.outbox("state", blocking=not self._realtime)
         self._outbox = outbox if injector is None else injector.outbox(outbox)
         inbox = child.bus.inbox("command")
-        self._commands = Arrivals(inbox) if self._realtime else Waiting(inbox)
+        self._commands = CommandReceiver(inbox) if self._realtime else Waiting(inbox)
         self._record = Record(child.record(), codecs, DRIVER)
-        self._state = self._record.sheets["state"]
+        self._state = self._record.batches["state"]
         self._certified, self._unstamped = child.settings.certificate, child.settings.unstamped
-        self._continued = child.continuations
-        self.half = PlantHalf(trial, codecs, self._record.sheets, self._record.rows)
+        self._continued = child.resume_monitor
+        self.half = DriverNode(trial, codecs, self._record.batches, self._record.rows)
         self._waiting: deque[tuple[int, int, bytes]] = deque()
         self._held: tuple[int, int, bytes | None] = (-1, 0, None)
         self._due = self._woke = self._published = self._applied = 0
@@ -60,7 +60,7 @@ class BusWire:
             self._injector.stall(tick)
 
     def publish(self, tick: int) -> None:
-        """Send the state that is on its sheet."""
+        """Send the state that is on its batch."""
         row = tick % self._record.rows
         if self._realtime and tick % UNHEARD and tick - self._held[0] > UNHEARD:
             self._published = 0

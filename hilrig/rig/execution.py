@@ -15,12 +15,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from hilrig.errors import ExperimentError, describe
+from hilrig.core.errors import ExperimentError, describe
+from hilrig.core.interfaces import is_fault
 from hilrig.experiment import Experiment
 from hilrig.experiment.expecting import ends_as_expected
-from hilrig.interfaces import is_fault
-from hilrig.plan.margins import margins
-from hilrig.plugins import name_of
+from hilrig.experiment.plan.margins import margins
+from hilrig.experiment.trial import Trial
+from hilrig.kinds.registry import name_of
 from hilrig.recording.manifest import provenance
 from hilrig.recording.run_directory import create_run, ending, read_outcome, trial_directory, write_json
 from hilrig.rig.in_process import run_in_process
@@ -28,7 +29,6 @@ from hilrig.rig.live import IN_PROCESS, ON_BUS, Live
 from hilrig.rig.outcome import Outcome
 from hilrig.rig.supervisor import run_on_bus
 from hilrig.rig.worker import Worker
-from hilrig.trial import Trial
 
 
 class Listener(Protocol):

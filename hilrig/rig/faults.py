@@ -9,13 +9,13 @@ from typing import Literal
 
 import numpy as np
 
-from hilrig.interfaces import is_fault
+from hilrig.core.interfaces import is_fault
+from hilrig.core.signals import Array, Faults
+from hilrig.experiment.trial import Trial, disturbance_schedule
 from hilrig.recording.fault_log import InjectedFault, add_faults
 from hilrig.rig.bus import Outbox
 from hilrig.rig.faulty_outbox import FaultyOutbox
 from hilrig.rig.stopping import Stopper
-from hilrig.signals import Array, Faults
-from hilrig.trial import Trial, inputs
 
 SENDS = {"driver": "state", "controller": "command"}
 """The channel whose messages a process sends"""
@@ -39,7 +39,7 @@ class Injector:
         """Return the injector of a trial for one of its processes; None if nothing is to be injected there."""
         if not any(map(is_fault, trial.disturbances)):
             return None
-        injector = cls(role, inputs(trial).faults)
+        injector = cls(role, disturbance_schedule(trial).faults)
         return injector if injector.planned else None
 
     @property

@@ -8,21 +8,21 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from hilrig.certificate.durations import Terms
-from hilrig.compiled.trial import Block, CompiledTrial, can_compile, warm_up
-from hilrig.errors import Stopped
-from hilrig.loop import Answer, ControlSide, Ending, PlantSide, do_ticks, warm_up_control, warm_up_plant
-from hilrig.messages.codec import Codec
-from hilrig.messages.layouts import definitions, layouts
+from hilrig.core.errors import Stopped
+from hilrig.core.signals import Command, Measurement, Truth
+from hilrig.experiment.trial import Trial
+from hilrig.loop.compiled.trial import Block, CompiledTrial, can_compile, warm_up
+from hilrig.loop.tick import Answer, ControlSide, Ending, PlantSide, do_ticks, warm_up_control, warm_up_plant
+from hilrig.recording.certificate.durations import Terms
+from hilrig.recording.messages.codec import Codec
+from hilrig.recording.messages.layouts import definitions, layouts
 from hilrig.recording.recorder import TIMING, Recorder
 from hilrig.recording.run_directory import trial_directory, write_json
 from hilrig.recording.timing import budget_of, summarise
-from hilrig.rig.channels import NAMES, Sheets
+from hilrig.rig.channels import NAMES, RecordBatches
 from hilrig.rig.clock import PROGRESS, Pacer
-from hilrig.rig.halves import internals, write
+from hilrig.rig.nodes import internals, write
 from hilrig.rig.outcome import Outcome
-from hilrig.signals import Command, Measurement, Truth
-from hilrig.trial import Trial
 
 BLOCK = 1024
 """Ticks of a compiled trial between two looks at the clock and for Ctrl-C"""
@@ -42,7 +42,7 @@ class DirectWire:
         self._pacer = Pacer(trial.period, trial.clock == "realtime", trial.rig.spin)
         self._commands: dict[int, tuple[Command, int]] = {}
         self._acting: tuple[Command | None, int] = (None, 0)
-        self._sheets = Sheets(codecs, NAMES, ROWS)
+        self._sheets = RecordBatches(codecs, NAMES, ROWS)
         self._row = 0
         self._due = self._woke = self._published = self._applied = 0
         self._acting_tick = -1
@@ -87,7 +87,7 @@ class DirectWire:
         return self._acting[0]
 
     def _note(self, tick: int) -> None:
-        """Note when things happened at this tick; record when the sheets are full."""
+        """Note when things happened at this tick; record when the batches are full."""
         moments = (self._due, self._woke, self._published, self._acting_tick, self._acting[1], self._applied, 0)
         self._write("driver_timing", tick, moments)
         self._row += 1
@@ -95,11 +95,11 @@ class DirectWire:
             self.record()
 
     def _write(self, name: str, tick: int, values: tuple[Any, ...]) -> None:
-        write(self._sheets.sheets[name], self._row, tick, self._trial, values)
+        write(self._sheets.batches[name], self._row, tick, self._trial, values)
         self._sheets.written[name] = self._row + 1
 
     def record(self, stamps: bool = True) -> None:
-        """Record what is on the sheets, with the time stamps or without."""
+        """Record what is on the batches, with the time stamps or without."""
         for name, payloads in self._sheets.hand_over():
             if stamps or name not in TIMING:
                 self._recorder.store(name, payloads.copy())  # the next ticks take their place

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-QUIET = {
+CHILD_ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"),
     "ZENOH_RUNTIME": f"({', '.join(f'{pool}: (worker_threads: 1)' for pool in ('rx', 'tx', 'app', 'acc', 'net'))})",
 }
@@ -28,7 +28,7 @@ def launch(directory: Path, role: str, orders: str, pass_fds: Sequence[int] = ()
     with log_of(directory, role).open("wb") as log:
         return subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
-            env={**os.environ, **QUIET}, pass_fds=pass_fds,
+            env={**os.environ, **CHILD_ENVIRONMENT}, pass_fds=pass_fds,
         )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from hilrig.errors import RunDirectoryError
+from hilrig.core.errors import RunDirectoryError
 from hilrig.recording.run_directory import read_json, write_json
 
 FILE = "live.json"

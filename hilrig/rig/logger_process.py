@@ -5,30 +5,30 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hilrig.errors import Stopped
-from hilrig.messages.layouts import definitions
+from hilrig.core.errors import Stopped
+from hilrig.experiment.trial import TimingBudget
+from hilrig.recording.messages.layouts import definitions
 from hilrig.recording.recorder import Recorder
 from hilrig.recording.run_directory import read_trial_document, trial_path, write_json
 from hilrig.recording.timing import budget_of, summarise, terms_of
 from hilrig.rig.bus import Inbox
-from hilrig.rig.channels import NAMES, unpack_parcel
+from hilrig.rig.channels import NAMES, unpack_batches
 from hilrig.rig.child import Child, main
 from hilrig.rig.view_maker import Views
-from hilrig.trial import TimingBudget
 
 
 def work(child: Child) -> None:
     """Record until every sender has said that it sent its last message, or until stopped."""
-    parcels = child.bus.inbox("record")
+    packets = child.bus.inbox("record")
     trial = read_trial_document(child.run, child.orders.trial)
     views = Views(child.bus, trial)
     order = child.ready(("driver", "controller"))
     directory = trial_path(child.run, child.orders.trial)
     with Recorder(directory, trial["period"], definitions(order["memory"])) as recorder:
         try:
-            record(parcels, recorder, views)
+            record(packets, recorder, views)
         except Stopped:
-            record_rest(parcels, recorder, views)
+            record_rest(packets, recorder, views)
         views.end()
         terms, allowed = terms_of(trial), TimingBudget(**trial["timing"])
         timing = summarise(terms, budget_of(allowed, terms), recorder.timing(), order["setup"])
@@ -37,24 +37,24 @@ def work(child: Child) -> None:
     child.tell("done", channels=summary)
 
 
-def record(parcels: Inbox, recorder: Recorder, views: Views) -> None:
+def record(packets: Inbox, recorder: Recorder, views: Views) -> None:
     """Record until all channels have ended."""
     still_open = set(NAMES)
     while still_open:
-        still_open -= store(recorder, views, parcels.take())
+        still_open -= store(recorder, views, packets.take())
 
 
-def record_rest(parcels: Inbox, recorder: Recorder, views: Views) -> None:
+def record_rest(packets: Inbox, recorder: Recorder, views: Views) -> None:
     """Record what has already arrived."""
-    while (parcel := parcels.poll()) is not None:
-        store(recorder, views, parcel)
+    while (packet := packets.poll()) is not None:
+        store(recorder, views, packet)
 
 
-def store(recorder: Recorder, views: Views, parcel: bytes) -> set[str]:
-    """Record one parcel; return the channels that end in it."""
+def store(recorder: Recorder, views: Views, packet: bytes) -> set[str]:
+    """Record one packet; return the channels that end in it."""
     ended: set[str] = set()
     fresh: dict[str, NDArray[np.uint8]] = {}
-    for name, payloads, count in unpack_parcel(parcel):
+    for name, payloads, count in unpack_batches(packet):
         if count is None:
             recorder.store(name, payloads)
             fresh[name] = payloads

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from hilrig.trial import Trial
+from hilrig.experiment.trial import Trial
 
 
 @dataclass(frozen=True)

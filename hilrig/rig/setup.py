@@ -10,10 +10,10 @@ import gc
 import os
 from collections.abc import Iterable
 
+from hilrig.experiment.rig_settings import RigSettings
 from hilrig.rig import memory
 from hilrig.rig.cores import pin
 from hilrig.rig.scheduling import schedule, set_timer_slack
-from hilrig.rig_settings import RigSettings
 
 LOOP = ("driver", "controller")
 """The roles that wait for each other at every tick"""

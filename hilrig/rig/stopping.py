@@ -8,7 +8,7 @@ import signal
 import threading
 import time
 
-from hilrig.errors import RigError
+from hilrig.core.errors import RigError
 
 EXTRA = (0, 10_000_000, 100_000_000, 1_000_000_000)
 """ns: SIGCONT is sent again so much later. A process that is held up before it stops would miss the first one"""

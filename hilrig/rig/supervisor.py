@@ -15,6 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from hilrig.experiment.trial import Trial
 from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.bus import Bus
 from hilrig.rig.child import Orders
@@ -22,7 +23,6 @@ from hilrig.rig.cores import cores_for
 from hilrig.rig.launching import how_it_ended, launch
 from hilrig.rig.live import Live
 from hilrig.rig.outcome import Outcome
-from hilrig.trial import Trial
 
 ROLES = ("driver", "controller", "logger")
 READY_TIMEOUT = float(os.environ.get("HILRIG_READY_TIMEOUT", "180"))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import cache
 from typing import NamedTuple
 
-from hilrig.messages.codec import Codec, definition
-from hilrig.signals import Array
+from hilrig.core.signals import Array
+from hilrig.recording.messages.codec import Codec, definition
 
 CHANNEL, ASKING = "view", "watching"
 """Keys: of the views, and of the asking for them"""

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hilrig.impedance import auxiliary_error
-from hilrig.messages.codec import Codec, definition, sizes_in
+from hilrig.core.signals import WRENCH_AXES, Reference
+from hilrig.experiment.trial import TaskSpec, make_impedance
+from hilrig.kinds.impedance import auxiliary_error
+from hilrig.recording.messages.codec import Codec, definition, sizes_in
 from hilrig.rig.bus import Bus
 from hilrig.rig.view import ASKING, CHANNEL, GRANT, INTERVAL, view_codec
-from hilrig.signals import WRENCH_AXES, Reference
-from hilrig.trial import TaskSpec, make_impedance
 
 LEAST = 2
 """Ticks that a view takes: the acceleration is a difference"""
@@ -69,7 +69,7 @@ class ViewMaker:
             self._kept[channel].append(payloads)
             self._simulated = channel == "truth" or self._simulated
         elif channel == "state":
-            # A simulated plant's truth comes in one parcel with its state.
+            # A simulated plant's truth comes in one packet with its state.
             self._simulated = self._simulated or False
 
     def _note_timing(self, payloads: Messages) -> None:
@@ -145,7 +145,7 @@ class Views:
         self._next, self._until = 0.0, 0.0
 
     def note(self, fresh: Mapping[str, Messages]) -> None:
-        """Take in a parcel's messages by channel, and send a view if one is due.
+        """Take in a packet's messages by channel, and send a view if one is due.
 
         A fault in a view must not cost the record: it is printed, and there are no more views.
         """

@@ -13,12 +13,12 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from hilrig.experiment.trial import Trial
 from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.cores import cores_for
 from hilrig.rig.launching import how_it_ended, launch
 from hilrig.rig.outcome import Outcome
 from hilrig.rig.supervisor import GRACE, READY_TIMEOUT, SILENCE_TIMEOUT
-from hilrig.trial import Trial
 
 ROLE = "worker"
 LOOK = 0.05

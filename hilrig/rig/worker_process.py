@@ -9,7 +9,7 @@ import traceback
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from hilrig.errors import Stopped, describe
+from hilrig.core.errors import Stopped, describe
 from hilrig.recording.run_directory import read_trial
 from hilrig.rig.child import Signals
 from hilrig.rig.cores import pin

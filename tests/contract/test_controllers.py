@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import impedance, parameter_of, reference
+from helpers.builders import impedance, parameter_of, reference
 
-from hilrig.controllers.tde_sliding_mode import TdeSlidingMode
-from hilrig.interfaces import Controller, Law, Task
-from hilrig.plugins import kinds, load
-from hilrig.signals import Array, Kinematics, State
+from hilrig.core.interfaces import Controller, Law, Task
+from hilrig.core.signals import Array, Kinematics, State
+from hilrig.kinds.controllers.tde_sliding_mode import TdeSlidingMode
+from hilrig.kinds.registry import kinds, load
 
 CONTROLLERS = {kind: load("controllers", kind) for kind in kinds("controllers")}
 PERIOD = 1e-3

@@ -8,11 +8,11 @@ import typing
 
 import numpy as np
 import pytest
-from builders import TIME, applied, example
+from helpers.builders import TIME, applied, example
 
-from hilrig.interfaces import Disturbance
-from hilrig.plugins import dump, kinds, load, restore
-from hilrig.signals import Inputs
+from hilrig.core.interfaces import Disturbance
+from hilrig.core.signals import DisturbanceSchedule
+from hilrig.kinds.registry import dump, kinds, load, restore
 
 TELLING = {
     "factor": 2.0,
@@ -45,23 +45,23 @@ def disturbance(request: pytest.FixtureRequest) -> Disturbance:
     return ALL[request.param]
 
 
-def named(inputs: Inputs) -> dict[str, np.ndarray]:
-    """Return every array of the inputs by the name that `acts_on` has for it."""
-    plain = {name: part for name, part in inputs._asdict().items() if name != "faults"}
-    return plain | {f"faults.{name}": part for name, part in inputs.faults._asdict().items()}
+def named(schedule: DisturbanceSchedule) -> dict[str, np.ndarray]:
+    """Return every array of the schedule by the name that `acts_on` has for it."""
+    plain = {name: part for name, part in schedule._asdict().items() if name != "faults"}
+    return plain | {f"faults.{name}": part for name, part in schedule.faults._asdict().items()}
 
 
-def disturbed_ticks(inputs: Inputs) -> dict[str, np.ndarray]:
-    """Return the ticks at which a field is not as in quiet inputs, for the fields that have such ticks."""
+def disturbed_ticks(schedule: DisturbanceSchedule) -> dict[str, np.ndarray]:
+    """Return the ticks at which a field is not as in a quiet schedule, for the fields that have such ticks."""
     found = {}
     quiet = named(applied())
-    for name, part in named(inputs).items():
+    for name, part in named(schedule).items():
         differs = (part != quiet[name]).reshape(TIME.size, -1).any(axis=1)
         found |= {name: np.flatnonzero(differs)} if differs.any() else {}
     return found
 
 
-def assert_same(one: Inputs, other: Inputs) -> None:
+def assert_same(one: DisturbanceSchedule, other: DisturbanceSchedule) -> None:
     others = named(other)
     for name, part in named(one).items():
         np.testing.assert_array_equal(part, others[name])

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import PERIOD, STILL, example, surface, torque_command, true_state
+from helpers.builders import PERIOD, STILL, example, surface, torque_command, true_state
 
-from hilrig.actuation import Actuation
-from hilrig.interfaces import Begin, Driver, Plant
-from hilrig.plugins import dump, kinds, load, restore
-from hilrig.signals import Command, Inputs, Nudge
+from hilrig.core.interfaces import Driver, Plant, TrialStart
+from hilrig.core.signals import Command, DisturbanceSchedule, PlantDisturbance
+from hilrig.kinds.actuation import Actuation
+from hilrig.kinds.registry import dump, kinds, load, restore
 
-SIMULATED = [kind for kind in kinds("drivers") if load("drivers", kind).abilities.simulated]
+SIMULATED = [kind for kind in kinds("drivers") if load("drivers", kind).capabilities.simulated]
 SERVO = Actuation("position_servo", stiffness=60.0)
 Begun = Callable[..., Plant]
 
@@ -31,12 +31,12 @@ def kind(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def start() -> Iterator[Begun]:
-    """Begin plants 5 mm deep in the surface, and close them after the test."""
+    """TrialStart plants 5 mm deep in the surface, and close them after the test."""
     begun: list[Plant] = []
 
     def begin(subject: Driver) -> Plant:
         q = subject.robot.inverse_kinematics(np.array([0.1, subject.surface_position + 0.005]))
-        begun.append(subject.begin(Begin(PERIOD, q)))
+        begun.append(subject.begin(TrialStart(PERIOD, q)))
         begun[-1].measure(STILL)
         return begun[-1]
 
@@ -50,10 +50,10 @@ def test_there_is_a_simulated_driver() -> None:
 
 
 def test_abilities_are_of_the_known_words(kind: str) -> None:
-    abilities = load("drivers", kind).abilities
-    assert set(abilities.clocks) <= {"lockstep", "realtime"}
-    assert abilities.clocks
-    assert set(abilities.inputs) <= {name for name in Inputs._fields if name.startswith("plant_")}
+    capabilities = load("drivers", kind).capabilities
+    assert set(capabilities.clocks) <= {"lockstep", "realtime"}
+    assert capabilities.clocks
+    assert set(capabilities.disturbances) <= {name for name in DisturbanceSchedule._fields if name.startswith("plant_")}
 
 
 def test_measuring_changes_nothing(kind: str, start: Begun) -> None:
@@ -113,7 +113,7 @@ PUSHED = STILL._replace(tip_force=np.array([2.0, 3.0]), surface_offset=-0.002)
 
 
 @pytest.mark.parametrize("nudge", [STILL, PUSHED], ids=["still", "pushed"])
-def test_the_truth_agrees_with_the_measurement(kind: str, start: Begun, nudge: Nudge) -> None:
+def test_the_truth_agrees_with_the_measurement(kind: str, start: Begun, nudge: PlantDisturbance) -> None:
     subject = driver(kind)
     plant = start(subject)
     for _ in range(20):
@@ -129,14 +129,14 @@ def test_the_truth_agrees_with_the_measurement(kind: str, start: Begun, nudge: N
     assert np.abs(true.joint_velocity).max() > 1e-3, "it moved"
 
 
-def disturbed(name: str) -> Nudge:
+def disturbed(name: str) -> PlantDisturbance:
     """Return a nudge in which only the plant input `name` is not neutral."""
     field = name.removeprefix("plant_")
     value = {"tip_force": np.array([2.0, 3.0]), "surface_offset": -0.002, "surface_velocity": -0.05}.get(field, 3.0)
     return STILL._replace(**{field: value})
 
 
-def pushed(subject: Driver, plant: Plant, nudge: Nudge) -> np.ndarray:
+def pushed(subject: Driver, plant: Plant, nudge: PlantDisturbance) -> np.ndarray:
     """Return how far the tip comes (x, z) in a push of 4 N along the surface under a disturbance, m."""
     hold, start = plant.hold().torque, true_state(plant)
     push = subject.robot.kinematics(start.joint_position, np.zeros(2)).jacobian[0] * 4.0
@@ -150,7 +150,7 @@ def test_every_declared_disturbance_moves_the_arm_its_way(kind: str, start: Begu
     subject = driver(kind)
     plain = pushed(subject, start(subject), STILL)
     assert plain[0] > 1e-3, "there is a way along the surface to rub"
-    for name in subject.abilities.inputs:
+    for name in subject.capabilities.disturbances:
         nudge = disturbed(name)
         moved = pushed(subject, start(subject), nudge) - plain
         against = nudge.tip_force if name == "plant_tip_force" else np.array([0.0, 1.0])

@@ -7,11 +7,11 @@ import inspect
 
 import numpy as np
 import pytest
-from builders import PERIOD, example, record
+from helpers.builders import PERIOD, example, record
 
-from hilrig.interfaces import Metric
-from hilrig.metrics._record import PhaseRecord
-from hilrig.plugins import kinds, load
+from hilrig.core.interfaces import Metric
+from hilrig.kinds.metrics._record import PhaseRecord
+from hilrig.kinds.registry import kinds, load
 
 TICKS = 2000
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builders import example
+from helpers.builders import example
 
-from hilrig.interfaces import ReferenceSignal, Span
-from hilrig.plugins import dump, kinds, load, restore
+from hilrig.core.interfaces import ReferenceSignal, Span
+from hilrig.kinds.registry import dump, kinds, load, restore
 
 SPAN = Span(2.0, 6.0, 0.3)
 STEP = 1e-5

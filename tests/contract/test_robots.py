@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builders import example
+from helpers.builders import example
 
-from hilrig.impedance import model_torque
-from hilrig.interfaces import Robot
-from hilrig.plugins import kinds, load
-from hilrig.signals import WRENCH_AXES, Array
+from hilrig.core.interfaces import Robot
+from hilrig.core.signals import WRENCH_AXES, Array
+from hilrig.kinds.impedance import model_torque
+from hilrig.kinds.registry import kinds, load
 
 STEP = 1e-6
 

@@ -9,9 +9,9 @@ from subprocess import CompletedProcess
 
 import pytest
 
-from hilrig.bench.exchange import TRANSPORTS, Sizes, Transport, round_trips
-from hilrig.bench.placement import placement
-from hilrig.errors import RigError
+from benchmarks.exchange import TRANSPORTS, Sizes, Transport, round_trips
+from benchmarks.placement import placement
+from hilrig.core.errors import RigError
 
 Hilrig = Callable[..., CompletedProcess[str]]
 BARE, SOCKETS = TRANSPORTS[:2]

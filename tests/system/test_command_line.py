@@ -7,12 +7,12 @@ import os
 from pathlib import Path
 
 import pytest
+from helpers.real_rig import PROJECT, only_run
 from typer.testing import CliRunner
 
 from hilrig.cli.application import app
-from hilrig.errors import HilrigError
-from hilrig.reproduction import load_study
-from tests.system.conftest import PROJECT, only_run
+from hilrig.core.errors import HilrigError
+from hilrig.study import load_study
 
 
 def call(*arguments: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from tests.system.conftest import only_run
+from helpers.real_rig import only_run
 
 TWO = "pd: {kind: pd}\n  softer: {kind: pd, stiffness: 500 N/m}"
 MET = """expect:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from helpers.real_rig import only_run
+
 from hilrig.recording.bag import read_bag
 from hilrig.recording.fault_log import read_faults
-from tests.system.conftest import only_run
 
 FAULTS = """
   noisy:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.real_rig import faulty, only_run
 
 from hilrig.recording.bag import read_bag
-from tests.system.conftest import faulty, only_run
 
 CHANNELS = ("state", "truth", "command", "internals")
 

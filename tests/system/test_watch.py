@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import psutil
 import pytest
+from helpers.real_rig import only_run, wait_for
 
 from hilrig.recording.bag import read_bag
-from tests.system.conftest import only_run, wait_for
 
 CHANNELS = ("state", "truth", "command", "internals")
 TWO = "proposed: {kind: tde_sliding_mode}\n  pd: {kind: pd}"

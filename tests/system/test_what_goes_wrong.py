@@ -10,25 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.real_rig import LONG, faulty, only_run, rig_processes, socket_directories, under_way, wait_for
 
 from hilrig.recording.bag import read_bag
-from tests.system.conftest import faulty, only_run, rig_processes, socket_directories, wait_for
-
-LONG = 600.0
 
 
 def outcome_of(run: Path) -> dict[str, Any]:
     return json.loads(next((run / "trials").glob("*/outcome.json")).read_text())
-
-
-def under_way(tmp_path: Path):
-    """Return a condition: the trial runs, with something in its bag."""
-
-    def condition() -> bool:
-        bags = list((tmp_path / "runs").glob("*/trials/*/bag.mcap"))
-        return bool(bags) and bags[0].stat().st_size > 200_000
-
-    return condition
 
 
 @pytest.fixture(autouse=True)

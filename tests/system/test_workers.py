@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.real_rig import LONG, faulty, only_run, rig_processes, under_way, wait_for
 
 from hilrig.recording.bag import read_bag
-from tests.system.conftest import faulty, only_run, rig_processes
-from tests.system.test_what_goes_wrong import LONG, under_way, wait_for
 
 WORKERS = ("--no-report", "--in-process", "--jobs", "2")
 

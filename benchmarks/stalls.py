@@ -1,0 +1,103 @@
+"""Does the certificate see? Injects stalls over the bus, and compares what it found with what was injected."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.stall_matching import Found, compare
+from benchmarks.stall_plan import CULPRITS, experiment
+from hilrig.core.errors import RigError
+from hilrig.experiment import load
+from hilrig.experiment.plan import plan
+from hilrig.experiment.trial import Trial
+from hilrig.recording.bag import read_bag
+from hilrig.recording.certificate.attribution import attribute
+from hilrig.recording.certificate.processes import CULPRITS as PROCESSES
+from hilrig.recording.certificate.table import join
+from hilrig.recording.fault_log import read_faults
+from hilrig.recording.recorder import TIMING
+from hilrig.recording.run_directory import trial_path
+from hilrig.recording.timing import terms_of
+from hilrig.rig.execution import Options, execute
+from hilrig.rig.outcome import Outcome
+
+
+class _Quiet:
+    """Listens to trials and says nothing."""
+
+    def opened(self, run: Path) -> None:
+        """Nothing to say."""
+
+    def started(self, trial: Trial) -> None:
+        """Nothing to say."""
+
+    def progressed(self, trial: Trial, tick: int) -> None:
+        """Nothing to say."""
+
+    def ended(self, trial: Trial, outcome: Outcome) -> None:
+        """Nothing to say."""
+
+
+def late_ticks(bag: Path, trial: Trial) -> list[Found]:
+    """Return the late ticks that the certificate finds in a trial's bag, (tick, cause)."""
+    timing = read_bag(bag, TIMING)
+    table = join(timing["driver_timing"], timing["controller_timing"])
+    found = attribute(table, terms_of(trial.to_document()))
+    rows = np.flatnonzero(found.late)
+    return [(int(table.driver.tick[row]), PROCESSES[found.cause[row]]) for row in rows]
+
+
+def measure_stalls(count: int, out: Path, seed: int = 1) -> dict[str, Any]:
+    """Inject `count` faults of 1 to 5 ms into driver, controller and bus, and return how they were judged.
+
+    Two trials of `count` * 25 ms run over the bus in real time: one undisturbed, whose stalls are the machine's own,
+    then one with the faults. The run directory is made below `out`. Keys: those of
+    `stall_matching.compare`, planned, run, own_stalls (of the undisturbed trial) and ticks (of each trial).
+    Raises RigError if a trial did not complete.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / "stall_benchmark.yaml"
+    file.write_text(json.dumps(experiment(count, seed), indent=1), encoding="utf-8")  # JSON is YAML
+    loaded = load(file)
+    trials = plan(loaded)
+    run, outcomes = execute(loaded, trials, file, Options(out, ["hilrig", "bench", "stalls"]), _Quiet())
+    if failed := [outcome for outcome in outcomes if not outcome.completed]:
+        raise RigError(
+            f"trial {failed[0].trial} of the stall benchmark {failed[0].outcome}: {failed[0].reason} ({run})"
+        )
+    quiet, faulty = trials
+    own = late_ticks(trial_path(run, quiet.id) / "bag.mcap", quiet)
+    found = late_ticks(trial_path(run, faulty.id) / "bag.mcap", faulty)
+    injected = read_faults(trial_path(run, faulty.id))
+    judged = compare(injected, found, faulty.period, faulty.actuation_delay)
+    apart = [list(stall) for stall in own]
+    return {"planned": count, **judged, "own_stalls": apart, "ticks": faulty.ticks, "run": str(run)}
+
+
+def render(result: dict[str, Any]) -> str:
+    """Return the result of `measure_stalls` as text: the figures, then the confusion table."""
+    columns = [*dict.fromkeys([*CULPRITS.values(), "unknown", "missed"])]
+    rows = [
+        f"{kind:<17}{CULPRITS[kind]:>12} |" + "".join(f"{row.get(name, 0):>12}" for name in columns)
+        for kind, row in result["confusion"].items()
+    ]
+    injected, ticks = result["injected"], result["ticks"]
+    fewer = "" if injected == result["planned"] else "; the others found no message: the machine had lost it"
+    return "\n".join([
+        f"{injected} of {result['planned']} planned faults injected into {ticks} ticks of 1 ms{fewer}",
+        f"detected            {_share(result['detected'], injected)}",
+        f"attributed rightly  {_share(result['rightly_attributed'], injected)}",
+        f"stalls found that nobody injected: {len(result['unexplained'])}; "
+        f"in as many ticks without any fault, just before: {len(result['own_stalls'])}",
+        "",
+        f"{'fault':<17}{'cause':>12} |" + "".join(f"{name:>12}" for name in columns) + "   (attributed to)",
+        *rows,
+    ])  # fmt: skip
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{part} of {whole}" + (f" ({100 * part / whole:.1f} %)" if whole else "")

@@ -1,0 +1,83 @@
+"""The verbs about what there is to write: kinds, schema."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from pathlib import Path
+from types import ModuleType
+from typing import Annotated
+
+import typer
+
+from hilrig.cli.application import app, print_json
+from hilrig.core.errors import ExperimentError, nearest
+
+GROUPS = ("controllers", "drivers", "robots", "references", "disturbances", "metrics")
+
+
+@app.command()
+def kinds(
+    group: Annotated[str | None, typer.Argument(help=f"One of {', '.join(GROUPS)}.", show_default=False)] = None,
+    kind: Annotated[str | None, typer.Argument(help="A kind of the group, or ./file.py.", show_default=False)] = None,
+) -> None:
+    """List the kinds there are, or show one of them.
+
+    One kind is shown with its equation and its parameters: unit, default, bounds, scale, meaning.
+    """
+    from hilrig.kinds import registry as plugins
+
+    if group is None:
+        for name in GROUPS:
+            typer.echo(f"{name:13} {', '.join(plugins.kinds(name))}")
+        return
+    if group not in GROUPS:
+        raise ExperimentError(f"there is no group '{group}'{nearest(group, GROUPS)} (groups: {', '.join(GROUPS)})")
+    for name in [kind] if kind else plugins.kinds(group):
+        _show_kind(group, name, brief=kind is None)
+
+
+def _show_kind(group: str, kind: str, brief: bool) -> None:
+    from hilrig.cli.terminal import print_table
+    from hilrig.experiment.schema import describe
+    from hilrig.kinds import registry as plugins
+
+    cls = plugins.load(group, kind, Path.cwd())
+    if brief:
+        typer.echo(f"{kind:20} {_first_line(inspect.getmodule(cls))}")
+        return
+    text = inspect.getdoc(cls) or ""
+    typer.echo(f"{text}\n")
+    rows = [
+        [row.name, row.unit, row.default, _bound(row.low), _bound(row.high), row.scale, row.meaning]
+        for row in describe(group, kind)
+    ]
+    columns = {
+        "parameter": "",
+        "unit": "",
+        "default": "",
+        "lowest": "right",
+        "highest": "right",
+        "scale": "",
+        "meaning": "",
+    }
+    print_table("", columns, rows)
+
+
+def _bound(value: float) -> str:
+    return f"{value:g}" if math.isfinite(value) else ""
+
+
+def _first_line(module: ModuleType | None) -> str:
+    return (inspect.getdoc(module) or "").split("\n")[0]
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of experiment files.
+
+    An editor that knows it completes and checks the file as you type.
+    """
+    from hilrig.experiment import experiment_schema
+
+    print_json(experiment_schema())

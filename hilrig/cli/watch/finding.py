@@ -1,0 +1,47 @@
+"""Which run there is to watch."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hilrig.core.errors import RunDirectoryError
+from hilrig.recording.run_directory import list_runs, read_manifest
+from hilrig.rig.live import IN_PROCESS, LiveRun, read_live
+
+
+def newest_live_run(runs: Path) -> Path:
+    """Return the newest run below `runs` that is going on, on the bus if there is one.
+
+    Raises RunDirectoryError if there is none.
+    """
+    found = {path: live for path in reversed(list_runs(runs)) if (live := read_live(path)) is not None and live.alive}
+    on_bus = [path for path, live in found.items() if live.transport != IN_PROCESS]
+    if on_bus:
+        return on_bus[0]
+    for path in found:
+        raise RunDirectoryError(without_bus(path))
+    raise RunDirectoryError(f"no run below {runs}/ is going on; start one with: hilrig run EXPERIMENT --watch")
+
+
+def going_on(run: Path) -> LiveRun:
+    """Return what the run says of itself while it goes on. Raises RunDirectoryError if it cannot be watched."""
+    live = read_live(run)
+    if live is None:
+        finished = read_manifest(run).get("finished")
+        ended = f"it ended at {finished}" if finished else "it is not going on"
+        raise RunDirectoryError(f"{run}: {ended}; see: hilrig show {run}")
+    if not live.alive:
+        raise RunDirectoryError(gone(run, live))
+    if live.transport == IN_PROCESS:
+        raise RunDirectoryError(without_bus(run))
+    return live
+
+
+def gone(run: Path, live: LiveRun) -> str:
+    """Return in words that the run's program ended without removing live.json."""
+    return f"{run}: not going on any more, its program (process {live.pid}) was killed; see: hilrig show {run}"
+
+
+def without_bus(run: Path) -> str:
+    """Return in words that there is nothing to ask."""
+    return f"{run}: goes on in one process (--in-process), without a bus: there is nothing to watch"

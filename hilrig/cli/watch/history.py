@@ -1,0 +1,64 @@
+"""The last views of a trial, and what follows from them."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hilrig.core.signals import Array
+from hilrig.rig.view import INTERVAL, View
+
+KEPT = round(10.0 / INTERVAL)
+"""Views that are kept: those of the last ten seconds"""
+
+
+@dataclass
+class History:
+    """What has been seen of one trial."""
+
+    views: deque[View] = field(default_factory=lambda: deque(maxlen=KEPT))
+    heard: float = 0.0
+    """When the last view came in, s of a monotonic clock"""
+
+    def add(self, view: View, now: float) -> None:
+        """Take in a view; one that is not newer than the last is none."""
+        if not self.views or view.tick > self.views[-1].tick:
+            self.views.append(view)
+            self.heard = now
+
+    @property
+    def last(self) -> View | None:
+        """The newest view, if there is one."""
+        return self.views[-1] if self.views else None
+
+    @property
+    def speed(self) -> float | None:
+        """Trial time over wall time, over the views that are kept; None before there are two."""
+        if len(self.views) < 2:
+            return None
+        first, last = self.views[0], self.views[-1]
+        return (last.time - first.time) / max(last.elapsed - first.elapsed, 1e-9)
+
+    @property
+    def span(self) -> float:
+        """Trial time over which the kept views go, s."""
+        return self.views[-1].time - self.views[0].time if self.views else 0.0
+
+    @property
+    def lateness(self) -> float:
+        """The latest wake-up in the views that are kept, s."""
+        return max((view.lateness for view in self.views), default=0.0)
+
+    def late_lately(self) -> int:
+        """Return how many ticks were late since the first of the views that are kept."""
+        return self.views[-1].late - self.views[0].late if self.views else 0
+
+    def error(self, axis: int) -> Array:
+        """Return the error of an axis in each kept view, (N,) m or N."""
+        return np.array([view.error[axis] for view in self.views])
+
+    def auxiliary_error(self, axis: int) -> Array:
+        """Return the auxiliary error of an axis in each kept view, (N,) N."""
+        return np.array([view.auxiliary_error[axis] for view in self.views])

@@ -1,0 +1,39 @@
+"""What robots and simulated plants may offer besides their plain interfaces, so that a whole trial can be compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from hilrig.core.signals import Array, Kinematics, PlantDisturbance
+
+
+class RobotKernels(NamedTuple):
+    """A robot as a kernel."""
+
+    kinematics: Callable[[Any, Array, Array, Kinematics], None]
+    """Writes `Robot.kinematics` at (q, q') into the arrays it is given; `constants` is its first argument"""
+    constants: Any
+
+
+class Observation(NamedTuple):
+    """What is to be seen of a simulated plant: room for a `Measurement` and, but for the surface, a `Truth`."""
+
+    joint_position: Array
+    joint_velocity: Array
+    position: Array
+    velocity: Array
+    wrench: Array
+    applied_torque: Array
+
+
+class PlantKernels(NamedTuple):
+    """A simulated plant as kernels; `constants` and `state` are their first arguments."""
+
+    observe: Callable[[Any, Array, PlantDisturbance, Observation], float]
+    """Fills a `Observation` and returns the place of the surface, m"""
+    advance: Callable[[Any, Array, PlantDisturbance, Array, Array], None]
+    """Moves `state` on by one period; the last two arguments are torque and joint position of the command"""
+    constants: Any
+    state: Array
+    """All that changes during a trial"""

@@ -1,0 +1,51 @@
+"""What an import of a module that has moved is told: where it is now."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import NoReturn
+
+PUBLIC = ("interfaces", "signals", "kernel", "kernel_interfaces", "impedance", "contact", "actuation", "errors")
+"""Modules of hilrig 0.1 whose names `import hilrig` offers now"""
+ROOMS = {
+    "controllers": "kinds.controllers",
+    "references": "kinds.references",
+    "disturbances": "kinds.disturbances",
+    "metrics": "kinds.metrics",
+    "robots": "kinds.robots",
+    "plugins": "kinds.registry",
+    "trial": "experiment.trial",
+    "plan": "experiment.plan",
+    "schema": "experiment.schema",
+    "messages": "recording.messages",
+    "certificate": "recording.certificate",
+    "reproduction": "study",
+}
+"""Old module -> new one, below `hilrig`"""
+
+
+class _MovedModules:
+    """A finder that finds nothing; it comes last, and raises ModuleNotFoundError with the new place of a module."""
+
+    @staticmethod
+    def find_spec(name: str, path: Sequence[str] | None = None, target: ModuleType | None = None) -> ModuleSpec | None:
+        top, _, rest = name.partition(".")
+        module = rest.partition(".")[0]
+        if top == "hilrig" and module in PUBLIC:
+            _raise(name, "import its names from `hilrig` itself, for example `from hilrig import Law, Parameter`")
+        if top == "hilrig" and module in ROOMS:
+            _raise(name, f"it is `hilrig.{ROOMS[module]}{rest[len(module) :]}` now")
+        return None
+
+
+def _raise(name: str, advice: str) -> NoReturn:
+    raise ModuleNotFoundError(f"the module {name} has moved: {advice}", name=name)
+
+
+def announce() -> None:
+    """Let imports of modules that have moved say so, once for a process."""
+    if _MovedModules not in sys.meta_path:
+        sys.meta_path.append(_MovedModules)

@@ -1,0 +1,40 @@
+"""The parameters of kinds: unit, bounds and meaning, put on the fields of their dataclasses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from hilrig.core.signals import Array
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Metadata of a parameter, put on a dataclass field as Annotated[float, Parameter(...)].
+
+    `unit` is the SI unit ("" for a pure number), `low` and `high` the allowed range (inclusive), `meaning` one line for
+    people. `scale` is how a search should treat it: "log" by factors; where `low` is 0, zero switches the term off.
+    """
+
+    unit: str
+    meaning: str = ""
+    low: float = -np.inf
+    high: float = np.inf
+    scale: Literal["linear", "log"] = "linear"
+
+
+PerAxis = float | tuple[float, ...]
+"""A parameter given once for all axes, or once per axis."""
+
+
+def per_axis(value: PerAxis | Array, size: int, name: str) -> Array:
+    """Return the parameter `name` as an array (size,); a single number counts for all of them.
+
+    Raises ValueError, naming it, if a list has another length.
+    """
+    array = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    if array.size not in (1, size):
+        raise ValueError(f"{name}: {array.size} values where there must be 1 or {size}")
+    return np.ascontiguousarray(np.broadcast_to(array, (size,)))

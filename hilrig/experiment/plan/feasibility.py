@@ -1,0 +1,150 @@
+"""Whether a trial can be run: references, disturbances, workspace, and the controller's parameters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hilrig.core.errors import OutOfReach
+from hilrig.core.interfaces import DelayEstimating, DelayEstimation
+from hilrig.core.parameters import per_axis
+from hilrig.core.signals import Array, State
+from hilrig.experiment.document import Keys
+from hilrig.experiment.trial import (
+    Trial,
+    UnusableReferenceError,
+    disturbance_schedule,
+    make_task,
+    sample_axis,
+    start_joint_position,
+)
+
+CHECK_EVERY = 0.01
+"""s between the instants at which a trajectory is checked against the workspace, besides its extremes"""
+
+
+class InfeasibleError(Exception):
+    """A trial that cannot be run as planned: `path` leads to what is wrong in the experiment."""
+
+    def __init__(self, path: Keys, message: str) -> None:
+        self.path = path
+        super().__init__(message)
+
+
+def sampled(trial: Trial, axis: str) -> Array:
+    """Return the reference of `axis` at every tick, (N,). Raises InfeasibleError at a phase."""
+    try:
+        return sample_axis(trial, axis).value
+    except UnusableReferenceError as error:
+        field = "force" if axis in trial.task.force_axes else "position"
+        raise InfeasibleError(("phases", error.index, field), str(error)) from error
+
+
+def check_disturbances(trial: Trial) -> None:
+    """Raise InfeasibleError if one of the condition's disturbances does not fit the robot."""
+    for index, disturbance in enumerate(trial.disturbances):
+        try:
+            disturbance_schedule(replace(trial, disturbances=(disturbance,)))
+        except ValueError as error:
+            raise InfeasibleError(("conditions", trial.condition_name, index), str(error)) from error
+
+
+def check_workspace(trial: Trial) -> None:
+    """Raise InfeasibleError, naming phase, time and place, if the path leaves the workspace or joint limits.
+
+    The path is the references in position axes and the surface, as it moves, in the force axis; it is
+    looked at every 10 ms and at its extremes in every axis. Force references are sampled, too.
+    """
+    path = trajectory(trial)
+    start = np.array(trial.start_position)
+    if not np.array_equal(start, path[0]):
+        _check_point(trial, start, "the start", ("task", "start"))
+    last = 0
+    for tick in instants(trial, path):
+        try:
+            _check_tick(trial, tick, path[tick])
+        except InfeasibleError:
+            # Name the first tick that is out of reach, not the first one looked at.
+            for earlier in range(last, tick + 1):
+                _check_tick(trial, earlier, path[earlier])
+        last = tick
+
+
+def trajectory(trial: Trial) -> Array:
+    """Return where the tip is meant to be at every tick, (N, m) m."""
+    path = np.tile(np.array(trial.start_position), (trial.ticks, 1))
+    for i, axis in enumerate(trial.axes):
+        reference = sampled(trial, axis)
+        if axis not in trial.task.force_axes:
+            path[:, i] = reference
+        elif axis == trial.axes[-1]:
+            path[:, i] = trial.driver.surface_position + disturbance_schedule(trial).plant_surface_offset
+    return path
+
+
+def instants(trial: Trial, path: Array) -> list[int]:
+    """Return the ticks to look at: every 10 ms, and the extremes of every axis in every phase."""
+    ticks = set(range(0, trial.ticks, max(1, round(CHECK_EVERY / trial.period))))
+    for phase in trial.phases:
+        start = trial.tick_of(phase.start)
+        part = path[start : trial.tick_of(phase.end)]
+        ticks |= {start + int(i) for i in (*part.argmin(axis=0), *part.argmax(axis=0))}
+    return sorted(ticks)
+
+
+def _check_tick(trial: Trial, tick: int, position: Array) -> None:
+    index = next(i for i, phase in enumerate(trial.phases) if tick < trial.tick_of(phase.end))
+    when = f"phase '{trial.phases[index].name}', t = {tick * trial.period:.4g} s"
+    _check_point(trial, position, when, ("phases", index, "position"))
+
+
+def _check_point(trial: Trial, position: Array, when: str, path: Keys) -> None:
+    robot = trial.driver.robot
+    where = ", ".join(f"{axis} = {value:.4g} m" for axis, value in zip(trial.axes, position, strict=True))
+    try:
+        q = robot.inverse_kinematics(position)
+    except OutOfReach as error:
+        raise InfeasibleError(path, f"{when}: {where} is out of reach: {error}") from error
+    lower, upper = robot.joint_limits()
+    for joint, (value, low, high) in enumerate(zip(q, lower, upper, strict=True), start=1):
+        if not low <= value <= high:
+            limits = f"it moves from {low:.4g} to {high:.4g} rad"
+            raise InfeasibleError(path, f"{when}: {where} needs joint {joint} at {value:.4g} rad; {limits}")
+
+
+def check_controller(trial: Trial) -> None:
+    """Raise InfeasibleError if the controller's parameters do not fit the task, by starting its law once."""
+    try:
+        trial.controller.start(make_task(trial), _at_rest(trial))
+        delay_estimation(trial)
+    except ValueError as error:
+        raise InfeasibleError(("controllers", trial.controller_name), str(error)) from error
+
+
+def delay_estimation(trial: Trial) -> DelayEstimation | None:
+    """Return the numbers of the controller's time delay estimation, one per axis; None if it offers none.
+
+    Raises ValueError, naming the field, if they are not one number per axis, or Mhat is not positive.
+    """
+    if not isinstance(trial.controller, DelayEstimating):
+        return None
+    given = trial.controller.delay_estimation(len(trial.axes))
+    if not isinstance(given, tuple) or len(given) != len(DelayEstimation._fields):
+        raise ValueError(f"delay_estimation returned {given!r}; it must return a DelayEstimation")
+    pairs = zip(DelayEstimation._fields, given, strict=True)
+    found = DelayEstimation(*(per_axis(value, len(trial.axes), f"delay_estimation: {name}") for name, value in pairs))
+    if not (np.isfinite(found.inertia_estimate).all() and (found.inertia_estimate > 0).all()):
+        raise ValueError(f"delay_estimation: inertia_estimate is {found.inertia_estimate}; it must be above 0 kg")
+    return found
+
+
+def _at_rest(trial: Trial) -> State:
+    """Return the state at rest at the start, without contact."""
+    robot = trial.driver.robot
+    q, still = start_joint_position(trial), np.zeros(robot.joints)
+    at = robot.kinematics(q, still)
+    return State(
+        q, still, at.position, at.velocity, at.jacobian, at.jacobian_rate, at.regressor,
+        np.zeros(len(robot.axes)), still.copy(), trial.period,
+    )  # fmt: skip

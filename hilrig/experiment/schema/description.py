@@ -1,0 +1,69 @@
+"""What a file may hold: rows for people, JSON Schema for editors."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, NamedTuple, get_args
+
+from hilrig.experiment.schema.fields import bare, settable
+from hilrig.experiment.schema.reading import model_of
+from hilrig.kinds import registry as plugins
+
+
+class Row(NamedTuple):
+    """One parameter of a kind."""
+
+    name: str
+    """With dots for the parts of a nested one, as in "surface.stiffness\""""
+    unit: str
+    default: str
+    """As one would write it; "required" if there is none"""
+    low: float
+    high: float
+    scale: str
+    meaning: str
+
+
+def describe(group: str, kind: str) -> tuple[Row, ...]:
+    """Return the parameters of a kind, nested ones too. Raises PluginError if there is no such kind."""
+    return tuple(_rows(plugins.load(group, kind), ""))
+
+
+def _rows(cls: type, prefix: str) -> list[Row]:
+    rows: list[Row] = []
+    for field, annotation, parameter in settable(cls):
+        name, inner = prefix + field.name, bare(annotation)
+        if dataclasses.is_dataclass(inner) and isinstance(inner, type):
+            rows += _rows(inner, name + ".")
+            continue
+        meaning = parameter.meaning or _choices(inner)
+        unit = parameter.unit.replace("|", " or ")
+        rows.append(Row(name, unit, _default(field), parameter.low, parameter.high, parameter.scale, meaning))
+    return rows
+
+
+def _choices(annotation: Any) -> str:
+    return " | ".join(str(choice) for choice in get_args(annotation) if isinstance(choice, str))
+
+
+def _default(field: dataclasses.Field[Any]) -> str:
+    if field.default is not dataclasses.MISSING:
+        return _written(field.default)
+    if field.default_factory is not dataclasses.MISSING:
+        return _written(field.default_factory())
+    return "required"
+
+
+def _written(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return f"{value:g}"
+    return f"[{', '.join(_written(item) for item in value)}]" if isinstance(value, tuple) else str(value)
+
+
+def json_schema(cls: type) -> dict[str, Any]:
+    """Return the JSON Schema of the mappings that `read` turns into a `cls`, with every kind there is."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **model_of(cls).model_json_schema()}

@@ -1,0 +1,48 @@
+"""Words of the schema: what is found wrong, what values are read with, and marks on fields."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from hilrig.experiment.document import Keys
+
+
+class Finding(NamedTuple):
+    """One thing that is wrong with the data, at `path`; `on_key` if the key there is wrong, not its value."""
+
+    path: Keys
+    message: str
+    on_key: bool = False
+
+
+class InvalidError(Exception):
+    """Data that does not fit; all that is wrong is in `findings`."""
+
+    def __init__(self, findings: list[Finding]) -> None:
+        self.findings = findings
+        super().__init__("; ".join(finding.message for finding in findings))
+
+
+class Context(NamedTuple):
+    """What values are read with."""
+
+    base: Path
+    """Folder that relative paths start from"""
+    unit: str = ""
+    """What the unit "m|N" stands for: "m" for a position, "N" for a force"""
+
+
+@dataclass(frozen=True)
+class ByAxis:
+    """Marks a mapping from axis to kind, which may be one kind if there is one axis; unit of "m|N"."""
+
+    unit: Literal["m", "N"]
+
+
+ONLY_AXIS = ""
+"""The axis of a kind that was given without one"""
+
+Later = float | str | None
+"""A quantity whose unit depends on what stands beside it: passed on as written, for who knows the unit"""

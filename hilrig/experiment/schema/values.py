@@ -1,0 +1,121 @@
+"""Numbers as parameters take them: one or several, with unit and bounds."""
+
+from __future__ import annotations
+
+import types
+from typing import Any, NamedTuple, Union, get_args, get_origin
+
+from hilrig.core.parameters import Parameter
+from hilrig.core.quantities import described, quantity, shown
+
+
+class Form(NamedTuple):
+    """How many numbers a parameter takes, and which."""
+
+    single: bool
+    """One number will do"""
+    several: bool
+    """A list will do"""
+    length: int | None
+    """Of the list; None for any"""
+    whole: bool
+    """Whole numbers only"""
+    optional: bool
+    """`null` will do"""
+
+
+def numeric_form(annotation: Any) -> Form | None:
+    """Return the form of int, float, tuples of them, and unions of these with None; None for others."""
+    if annotation in (int, float):
+        return Form(True, False, None, annotation is int, False)
+    if annotation is types.NoneType:
+        return Form(False, False, None, False, True)
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is tuple and set(arguments) <= {int, float, Ellipsis}:
+        length = None if Ellipsis in arguments else len(arguments)
+        return Form(False, True, length, int in arguments, False)
+    if origin in (Union, types.UnionType):
+        forms = [numeric_form(argument) for argument in arguments]
+        found = [form for form in forms if form is not None]
+        if len(found) == len(forms) and any(form.single or form.several for form in found):
+            return _either(found)
+    return None
+
+
+def _either(forms: list[Form]) -> Form:
+    return Form(
+        any(form.single for form in forms),
+        any(form.several for form in forms),
+        next((form.length for form in forms if form.several), None),
+        any(form.whole for form in forms),
+        any(form.optional for form in forms),
+    )
+
+
+def read_number(value: Any, form: Form, parameter: Parameter) -> Any:
+    """Return `value` as a float, int, tuple or None.
+
+    Raises ValueError naming the value, and what is allowed.
+    """
+    if value is None and form.optional:
+        return None
+    if isinstance(value, list):
+        if not form.several:
+            raise ValueError(f"{shown(value)} is not one value; this needs {_described(form, parameter)}")
+        if form.length not in (None, len(value)):
+            raise ValueError(f"{shown(value)} does not do; this needs a list of {form.length}")
+        if not value:
+            raise ValueError("the list is empty")
+        return tuple(_one(item, form, parameter) for item in value)
+    if not form.single:
+        count = "" if form.length is None else f"{form.length} "
+        raise ValueError(f"{shown(value)} is one value; this needs a list of {count}such as [..., ...]")
+    return _one(value, form, parameter)
+
+
+def _one(value: Any, form: Form, parameter: Parameter) -> float | int:
+    if form.whole:
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise ValueError(f"{shown(value)} is not a whole number; this needs {_described(form, parameter)}")
+        number: float | int = value
+    else:
+        number = quantity(value, parameter.unit)
+    if not parameter.low <= number <= parameter.high:
+        raise ValueError(f"{shown(value)} is not allowed; this needs {_described(form, parameter)}")
+    return number
+
+
+def _described(form: Form, parameter: Parameter) -> str:
+    what = "a whole number" if form.whole else described(parameter.unit)
+    bounds = bounds_text(parameter)
+    return f"{what} ({bounds})" if bounds else what
+
+
+def bounds_text(parameter: Parameter) -> str:
+    """Return the bounds as people read them, such as "from 0 to 10 m"; empty if there are none."""
+    unit = f" {parameter.unit}" if parameter.unit else ""
+    low, high = parameter.low, parameter.high
+    if abs(low) < float("inf") and abs(high) < float("inf"):
+        return f"from {low:g} to {high:g}{unit}"
+    if abs(low) < float("inf"):
+        return f"{low:g}{unit} or more"
+    return f"{high:g}{unit} or less" if abs(high) < float("inf") else ""
+
+
+def number_schema(form: Form, parameter: Parameter) -> dict[str, Any]:
+    """Return the JSON Schema of the values that `read_number` takes."""
+    number: dict[str, Any] = {"type": "integer" if form.whole else "number"}
+    if parameter.low > -float("inf"):
+        number["minimum"] = parameter.low
+    if parameter.high < float("inf"):
+        number["maximum"] = parameter.high
+    text = {
+        "type": "string",
+        "description": f"a number with its unit; {described(parameter.unit.split('|')[0])}",
+    }
+    one = number if form.whole else {"anyOf": [number, text]}
+    several: dict[str, Any] = {"type": "array", "items": one, "minItems": form.length or 1}
+    if form.length is not None:
+        several["maxItems"] = form.length
+    choices = [one] * form.single + [several] * form.several + [{"type": "null"}] * form.optional
+    return choices[0] if len(choices) == 1 else {"anyOf": choices}

@@ -1,0 +1,1 @@
+"""What plugs into hilrig, one kind a file; their registry, and the mathematics that they share."""

@@ -1,0 +1,220 @@
+"""Adaptive sliding mode with time delay estimation: the control law of the paper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+
+from hilrig.core.compiler import kernel, kernel_without_arrays
+from hilrig.core.interfaces import DelayEstimation, Impedance, Law, Task
+from hilrig.core.parameters import Parameter, PerAxis, per_axis
+from hilrig.core.signals import Array, Reference, State
+from hilrig.kinds.impedance import eliminate, move_filter
+
+
+@dataclass(frozen=True)
+class TdeSlidingMode:
+    """tau = J^T [Mhat u + S_hat],  u = a_d + k_d e' + k_p e + k_r (alpha_1 + alpha_2 + alpha_3) tanh(xi / mu)
+
+    e = p_d - x, e' = v_d - x' (m,), with a_d, v_d, p_d of the impedance filter;
+    xi = p12 e + p22 e' from A^T P + P A = -I: p12 = 1/(2 k_p), p22 = (1 + 1/k_p)/(2 k_d);
+    S_hat = J^-T tau_l - Mhat x''_l, torque and measured acceleration one period ago (time delay estimation);
+    alpha_1' = k_1 |xi| while it is at or below its floor, or xi moves outward and alpha_2, alpha_3 are above theirs;
+    alpha_1' = -k_2 |xi| otherwise, to zero at least; alpha_2' = -1/alpha_2, alpha_3' = -|xi|/alpha_3, to their floors.
+
+    Source: paper eqs. (8), (10), (11), (15), read so that they are stable. What the paper prints instead is an option:
+    estimator = desired:    S_hat = J^-T tau_l - Mhat a_d,l, the desired acceleration one period ago;
+    lyapunov = transposed:  P solves A P + P A^T = -I: p12 = -1/2, p22 = (1 + k_p)/(2 k_d);
+    feedback = positive:    u has -k_d e' - k_p e; P stays that of k_d, k_p > 0;
+    switching = printed:    xi / mu while |xi| <= mu, tanh(xi) beyond, in place of tanh(xi / mu);
+    adaptation = printed:   alpha_1 falls only while xi moves inward and alpha_2, alpha_3 are at their floors.
+    The paper does not say where S_hat starts: from the torque that holds the arm, or with preload = false from zero.
+    """
+
+    inertia_estimate: Annotated[PerAxis, Parameter("kg", "Mhat, diagonal", 1e-5, 1e3, "log")] = 0.03
+    position_gain: Annotated[float, Parameter("1/s^2", "k_p", 1e-3, 1e6, "log")] = 150.0
+    velocity_gain: Annotated[float, Parameter("1/s", "k_d", 1e-3, 1e4, "log")] = 30.0
+    robust_gain: Annotated[float, Parameter("m/s^2", "k_r", 0.0, 1e3, "log")] = 1.1
+    boundary: Annotated[float, Parameter("m", "mu, width of the boundary layer", 1e-6, 1e3, "log")] = 0.01
+    growth: Annotated[float, Parameter("", "k_1, growth of alpha_1", 0.0, 1e3, "log")] = 1.0
+    decay: Annotated[float, Parameter("", "k_2, decay of alpha_1", 0.0, 1e3, "log")] = 1.0
+    gains_start: Annotated[tuple[float, float, float], Parameter("", "alpha at the start", 0.0, 1e3)] = (
+        0.01,
+        1.0,
+        1.0,
+    )
+    gains_floor: Annotated[tuple[float, float, float], Parameter("", "floors alpha^m", 0.0, 1e3)] = (
+        0.005,
+        0.5,
+        0.5,
+    )
+    estimator: Annotated[Literal["measured", "desired"], Parameter("", "acceleration in S_hat")] = "measured"
+    lyapunov: Annotated[Literal["solved", "transposed"], Parameter("", "equation that P solves")] = "solved"
+    feedback: Annotated[Literal["negative", "positive"], Parameter("", "of k_p e + k_d e'")] = "negative"
+    switching: Annotated[Literal["smooth", "printed"], Parameter("", "robust term at its boundary")] = "smooth"
+    adaptation: Annotated[Literal["complete", "printed"], Parameter("", "cases of alpha_1'")] = "complete"
+    preload: Annotated[bool, Parameter("", "whether S_hat starts from the holding torque")] = True
+
+    def start(self, task: Task, state: State) -> Law:
+        """Return the law, its filter at the measured state and its estimate as `preload` says."""
+        m = len(task.axes)
+        sign = 1.0 if self.feedback == "negative" else -1.0
+        p12, p22 = self.surface_gains()
+        constants = Constants(
+            task.impedance, per_axis(self.inertia_estimate, m, "inertia_estimate"),
+            sign * self.position_gain, sign * self.velocity_gain, p12, p22,
+            self.robust_gain, self.boundary, self.growth, self.decay, np.array(self.gains_floor),
+            self.estimator == "desired", self.switching == "printed", self.adaptation == "printed",
+        )  # fmt: skip
+        alpha_1, alpha_2, alpha_3 = (np.array([alpha]) for alpha in self.gains_start)
+        memory = Memory(
+            state.position.copy(), state.velocity.copy(), np.zeros(m), np.zeros(m),
+            alpha_1, alpha_2, alpha_3, np.zeros(m), state.velocity.copy(), np.zeros(m),
+            np.array([float(self.preload)]),
+        )  # fmt: skip
+        return Law(step, constants, memory)
+
+    def delay_estimation(self, axes: int) -> DelayEstimation:
+        """Return Mhat, k_p and k_d."""
+        names = ("inertia_estimate", "position_gain", "velocity_gain")
+        return DelayEstimation(*(per_axis(getattr(self, name), axes, name) for name in names))
+
+    def surface_gains(self) -> tuple[float, float]:
+        """Return p12 (s^2) and p22 (s) of xi = p12 e + p22 e', the second row of P."""
+        kp, kd = self.position_gain, self.velocity_gain
+        if self.lyapunov == "transposed":
+            return -0.5, (1 + kp) / (2 * kd)
+        return 1 / (2 * kp), (1 + 1 / kp) / (2 * kd)
+
+
+class Constants(NamedTuple):
+    """What does not change during a trial."""
+
+    impedance: Impedance
+    inertia_estimate: Array
+    position_gain: float
+    velocity_gain: float
+    p12: float
+    p22: float
+    robust_gain: float
+    boundary: float
+    growth: float
+    decay: float
+    gains_floor: Array
+    estimates_from_desired: bool
+    """Whether S_hat takes a_d one period ago; else the measured acceleration"""
+    switches_as_printed: bool
+    adapts_as_printed: bool
+
+
+class Memory(NamedTuple):
+    """What the law remembers, all of it recorded."""
+
+    filter_position: Array
+    """p_d, (m,) m"""
+    filter_velocity: Array
+    """v_d, (m,) m/s"""
+    tracking_error: Array
+    """e = p_d - x, (m,) m"""
+    sliding_variable: Array
+    """xi, (m,) m"""
+    alpha_1: Array
+    """alpha_1, (1,)"""
+    alpha_2: Array
+    """alpha_2, (1,)"""
+    alpha_3: Array
+    """alpha_3, (1,)"""
+    estimate: Array
+    """S_hat, (m,) N"""
+    last_velocity: Array
+    """x' one period ago, (m,) m/s"""
+    desired_acceleration: Array
+    """a_d, (m,) m/s^2"""
+    torque_share: Array
+    """Share of the last torque that S_hat takes: 0 at the first tick without preload, else 1, (1,)"""
+
+
+@kernel
+def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Array:
+    """Return the joint torque (n,) N m and move `memory` on by one period."""
+    torque = np.zeros(state.torque.size)
+    estimate(c, memory, state, state.jacobian.T.copy())
+    move_filter(
+        c.impedance, state.elapsed, memory.filter_position, memory.filter_velocity, state, reference,
+        memory.desired_acceleration,
+    )  # fmt: skip
+    slide(c, memory, state)
+    press(c, memory, state, torque)
+    return torque
+
+
+@kernel_without_arrays
+def estimate(c: Constants, memory: Memory, state: State, lever: Array) -> None:
+    """Set S_hat (m,) N, eq. (11), in `memory`, which has x' and a_d of the last tick. `lever` is J^T, used up."""
+    for i in range(memory.estimate.size):
+        memory.estimate[i] = memory.torque_share[0] * state.torque[i]
+    eliminate(lever, memory.estimate)
+    for i in range(memory.estimate.size):
+        if c.estimates_from_desired:
+            acceleration = memory.desired_acceleration[i]
+        else:
+            acceleration = (state.velocity[i] - memory.last_velocity[i]) / state.elapsed
+        memory.estimate[i] -= c.inertia_estimate[i] * acceleration
+        memory.last_velocity[i] = state.velocity[i]
+    memory.torque_share[0] = 1.0
+
+
+@kernel_without_arrays
+def slide(c: Constants, memory: Memory, state: State) -> None:
+    """Set e and xi in `memory`, which has xi of the last tick, and adapt the gains."""
+    square, turn = 0.0, 0.0
+    for i in range(state.position.size):
+        e = memory.filter_position[i] - state.position[i]
+        xi = c.p12 * e + c.p22 * (memory.filter_velocity[i] - state.velocity[i])
+        square += xi * xi
+        turn += xi * (xi - memory.sliding_variable[i])
+        memory.tracking_error[i], memory.sliding_variable[i] = e, xi
+    adapt(c, memory, state.elapsed, np.sqrt(square), turn > 0.0)
+
+
+@kernel_without_arrays
+def adapt(c: Constants, memory: Memory, elapsed: float, size: float, outward: bool) -> None:
+    """Move alpha on by `elapsed` (s), eq. (15), in place; `size` is |xi|, `outward` whether it grows."""
+    floor = c.gains_floor
+    alpha_1, alpha_2, alpha_3 = memory.alpha_1[0], memory.alpha_2[0], memory.alpha_3[0]
+    above_2, above_3 = alpha_2 > floor[1], alpha_3 > floor[2]
+    if alpha_1 <= floor[0] or (outward and above_2 and above_3):
+        memory.alpha_1[0] = alpha_1 + elapsed * c.growth * size
+    elif not c.adapts_as_printed or not (outward or above_2 or above_3):
+        memory.alpha_1[0] = max(alpha_1 - elapsed * c.decay * size, 0.0)
+    if above_3:
+        memory.alpha_3[0] = max(alpha_3 - elapsed * size / alpha_3, floor[2])
+    if above_2:
+        memory.alpha_2[0] = max(alpha_2 - elapsed / alpha_2, floor[1])
+
+
+@kernel_without_arrays
+def press(c: Constants, memory: Memory, state: State, torque: Array) -> None:
+    """Add J^T (Mhat u + S_hat) to `torque` (n,) N m, eqs. (8) and (10)."""
+    robust = c.robust_gain * (memory.alpha_1[0] + memory.alpha_2[0] + memory.alpha_3[0])
+    square = 0.0
+    for i in range(memory.sliding_variable.size):
+        square += memory.sliding_variable[i] * memory.sliding_variable[i]
+    inside = np.sqrt(square) <= c.boundary
+    for i in range(memory.sliding_variable.size):
+        u = memory.desired_acceleration[i] + robust * switching(c, memory.sliding_variable[i], inside)
+        u += c.velocity_gain * (memory.filter_velocity[i] - state.velocity[i])
+        u += c.position_gain * memory.tracking_error[i]
+        force = c.inertia_estimate[i] * u + memory.estimate[i]
+        for j in range(torque.size):
+            torque[j] += state.jacobian[i, j] * force
+
+
+@kernel_without_arrays
+def switching(c: Constants, xi: float, inside: bool) -> float:
+    """Return what stands for the sign of one component of xi; `inside` says whether |xi| <= mu."""
+    if not c.switches_as_printed:
+        return np.tanh(xi / c.boundary)
+    return xi / c.boundary if inside else np.tanh(xi)

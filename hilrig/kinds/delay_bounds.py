@@ -1,0 +1,223 @@
+"""What theory says of a law with time delay estimation: delay bound, condition (9), inertia window, free-flight speed.
+
+M_t = J^-T M J^-1 (m, m) is the arm's inertia along the task axes; Mhat (m,) kg is the law's diagonal estimate of it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import scipy.linalg
+import scipy.optimize
+
+from hilrig.core.signals import Array, Kinematics
+
+PAPER_NU = 1.006
+"""The paper's constant of Razumikhin's condition, Section V"""
+PAPER_KAPPA = 0.08
+"""The paper's free scalar in (21), Section V"""
+
+Form = Literal["derived", "printed"]
+Gain = float | Array
+"""One number for all axes, or one for each, (m,)"""
+
+
+class ErrorDynamics(NamedTuple):
+    """E' = A_1 E + A_2 E_l + B_o (S_c - u_r^l), eq. (13), with E = [p_d - x, v_d - x'] (2m,) and E_l = E(t - l)."""
+
+    present: Array
+    """A_1 = [[0, I], [0, 0]], (2m, 2m)"""
+    delayed: Array
+    """A_2 = [[0, 0], [-k_p, -k_d]], (2m, 2m); the paper prints k_d first, which fits no E"""
+    input: Array
+    """B_o = [0; I], (2m, m)"""
+
+    @property
+    def undelayed(self) -> Array:
+        """A_o = A_1 + A_2, (2m, 2m): the dynamics where the delay is zero."""
+        return self.present + self.delayed
+
+
+def error_dynamics(position_gain: Gain, velocity_gain: Gain, axes: int = 1) -> ErrorDynamics:
+    """Return the error dynamics of k_p (1/s^2) and k_d (1/s) on m = `axes`."""
+    zero, one = np.zeros((axes, axes)), np.eye(axes)
+    kp, kd = np.diag(np.broadcast_to(position_gain, axes)), np.diag(np.broadcast_to(velocity_gain, axes))
+    present, delayed = np.block([[zero, one], [zero, zero]]), np.block([[zero, zero], [-kp, -kd]])
+    return ErrorDynamics(present, delayed, np.vstack([zero, one]))
+
+
+def lyapunov_matrix(a: Array, q: Array | None = None) -> Array:
+    """Return P_o > 0 with A^T P + P A = -Q; Q is the identity if it is not given.
+
+    Raises ValueError, naming the eigenvalue, if A is not Hurwitz or Q is not symmetric and positive definite.
+    """
+    weight = np.eye(a.shape[0]) if q is None else np.asarray(q, dtype=np.float64)
+    if not np.allclose(weight, weight.T):
+        raise ValueError("Q is not symmetric")
+    if (least := float(np.linalg.eigvalsh(weight)[0])) <= 0.0:
+        raise ValueError(f"Q is not positive definite: it has the eigenvalue {least:.4g}")
+    eigenvalues = np.linalg.eigvals(a)
+    worst = complex(eigenvalues[np.argmax(eigenvalues.real)])
+    if worst.real >= 0.0:
+        raise ValueError(f"A_o is not Hurwitz: it has the eigenvalue {worst.real:.4g}{worst.imag:+.4g}j 1/s")
+    p = scipy.linalg.solve_continuous_lyapunov(a.T, -weight)
+    return (p + p.T) / 2
+
+
+def delay_terms(dynamics: ErrorDynamics, p: Array) -> Array:
+    """Return P A_2 (P^-1 + A_1 P^-1 A_1^T + A_2 P^-1 A_2^T) A_2^T P, (2m, 2m): the second term of (21)."""
+    a1, a2 = dynamics.present, dynamics.delayed
+    inverse = np.linalg.inv(p)
+    left = p @ a2
+    return left @ (inverse + a1 @ inverse @ a1.T + a2 @ inverse @ a2.T) @ left.T
+
+
+def gamma(
+    dynamics: ErrorDynamics, p: Array, form: Form = "derived", nu: float = PAPER_NU, kappa: float = PAPER_KAPPA
+) -> Array:
+    """Return Gamma of (21), (2m, 2m) 1/s:  2 nu/kappa P + c P A_2 (P^-1 + A_1 P^-1 A_1^T + A_2 P^-1 A_2^T) A_2^T P.
+
+    c = nu as printed, c = kappa as derived. Derivation: Young's inequality,
+    -a^T b <= (kappa a^T P^-1 a + b^T P b/kappa)/2, bounds each of the three integrands
+    E^T P A_2 {A_1 E(t+r), A_2 E(t+r-l), B_o H(t+r)} of (19). Its first half gives
+    l kappa E^T P A_2 X P^-1 X^T A_2^T P E / 2 with X = A_1, A_2, I: the terms that the paper itself writes above (20).
+    Its second half is at most l nu/kappa E^T P E / 2 for the first two, by Razumikhin's condition (17), and goes into
+    Upsilon_1 for the third. The sum is (l/2) E^T Gamma E with kappa in both places.
+
+    Raises ValueError unless nu >= 1 and kappa > 0.
+    """
+    if not nu >= 1.0:
+        raise ValueError(f"nu = {nu:g}; Razumikhin's condition needs 1 at least")
+    if not kappa > 0.0:
+        raise ValueError(f"kappa = {kappa:g}; it must be above 0")
+    return 2 * nu / kappa * p + (nu if form == "printed" else kappa) * delay_terms(dynamics, p)
+
+
+def delay_bound(
+    dynamics: ErrorDynamics,
+    form: Form = "derived",
+    nu: float = PAPER_NU,
+    kappa: float = PAPER_KAPPA,
+    q: Array | None = None,
+) -> float:
+    """Return lambda_min(Q_o)/|Gamma|_2 of (24), s: Proposition 1 holds for delays l below it.
+
+    It is sufficient for the proof's V to fall, and says nothing of longer delays: a Razumikhin bound is conservative.
+    Raises ValueError as `lyapunov_matrix` and `gamma` do.
+    """
+    p = lyapunov_matrix(dynamics.undelayed, q)
+    least = 1.0 if q is None else float(np.linalg.eigvalsh(q)[0])
+    return least / float(np.linalg.norm(gamma(dynamics, p, form, nu, kappa), 2))
+
+
+class BestBound(NamedTuple):
+    """The largest delay bound that a choice of kappa gives."""
+
+    kappa: float
+    delay: float
+    """s"""
+
+
+def best_delay_bound(dynamics: ErrorDynamics, nu: float = PAPER_NU, q: Array | None = None) -> BestBound:
+    """Return the kappa at which the derived bound (24) is largest, and that bound.
+
+    |2 nu/kappa P + kappa N|_2 is convex in log kappa. With c = sqrt(2 nu |P|/|N|) it is at most 2 sqrt(2 nu |P| |N|) at
+    c, and more than that outside [c/2, 2c]: there is the one minimum. The printed form has none: it falls towards
+    large kappa. Raises ValueError as `lyapunov_matrix` does.
+    """
+    p = lyapunov_matrix(dynamics.undelayed, q)
+    centre = 0.5 * np.log(2 * nu * np.linalg.norm(p, 2) / np.linalg.norm(delay_terms(dynamics, p), 2))
+    found: Any = scipy.optimize.minimize_scalar(
+        lambda log_kappa: float(np.linalg.norm(gamma(dynamics, p, nu=nu, kappa=np.exp(log_kappa)), 2)),
+        bounds=(centre - np.log(2), centre + np.log(2)),
+        method="bounded",
+        options={"xatol": 1e-9},
+    )
+    least = 1.0 if q is None else float(np.linalg.eigvalsh(q)[0])
+    return BestBound(float(np.exp(found.x)), least / float(found.fun))
+
+
+def mobility(at: Kinematics, dynamic_parameters: Array) -> Array:
+    """Return M_t^-1 = J M^-1 J^T (m, m) 1/kg at one place, with M from the regressor and theta (p,).
+
+    It stays finite where J is singular and M_t is not. Raises LinAlgError (a ValueError) if M is singular.
+    """
+    n = at.jacobian.shape[1]
+    mass = (at.regressor[1 + n :] @ dynamic_parameters).T
+    return at.jacobian @ np.linalg.solve(mass, at.jacobian.T)
+
+
+def estimation_mismatch(mobility: Array, inertia_estimate: Array) -> Array:
+    """Return |M_t^-1 Mhat - I|_2 of condition (9) for M_t^-1 (..., m, m); it is to be below 1.
+
+    The paper needs it for a bounded S_c. For the sampled loop it is not sufficient: with Mhat = c I it says
+    c < 2 lambda_min(M_t), the edge of `highest_ratio` for d = 0, but one sample of delay puts the edge at less than
+    half of that, and no small Mhat violates it. It is not necessary where Mhat differs between axes: the norm of
+    M_t^-1 Mhat - I, not symmetric then, may be above 1 with eigenvalues well inside the unit circle.
+    """
+    difference = mobility * inertia_estimate - np.eye(inertia_estimate.size)
+    return np.asarray(np.linalg.norm(difference, 2, axis=(-2, -1)), dtype=np.float64)
+
+
+def inertia_ratios(mobility: Array, inertia_estimate: Array) -> Array:
+    """Return the eigenvalues of M_t^-1 Mhat, ascending, (..., m); Mhat/lambda(M_t) where Mhat is the same in all axes.
+
+    They are real and not negative: those of the symmetric Mhat^1/2 M_t^-1 Mhat^1/2.
+    """
+    root = np.sqrt(inertia_estimate)
+    return np.asarray(np.linalg.eigvalsh(root[:, None] * mobility * root), dtype=np.float64)
+
+
+def highest_ratio(extra_samples: int, smoothing: float | None = None) -> float:
+    """Return the value that the eigenvalues g of M_t^-1 Mhat must stay below for a stable estimation loop.
+
+    d = `extra_samples` of delay between measurement and actuation. Without contact and outer loop the law is
+    tau_k = tau_(k-1) - Mhat x''_k, where x''_k is what it takes for the acceleration:
+
+    - `smoothing` None: the acceleration itself, of the period before, tau_(k-1-d)/M_t. Then z^d (z - 1) = -g, a root
+      leaves the unit circle at z = e^(i w) with d w + (pi + w)/2 = pi, and g = |z - 1| = 2 sin(pi/(2 (2d + 1))).
+    - `smoothing` a: hilrig's, the difference of q' that is filtered from differences of q,
+      q' += a ((q - q_prev)/l - q'). A difference of positions is the mean velocity of its period: half a period older.
+      Then z^d (z - 1)(z - 1 + a) = -(g a/2)(z + 1), so d w + arg(z - 1 + a) = pi/2, g = 2/a tan(w/2) |z - 1 + a|.
+
+    Both are 2 for d = 0, whatever a; for d = 1 the first is 1, the second 0.83 for a = 1 and 0.68 for a -> 0.
+    Raises ValueError unless d >= 0 and 0 < a <= 1.
+    """
+    if extra_samples < 0:
+        raise ValueError(f"{extra_samples} samples of delay; 0 is the least")
+    if smoothing is None:
+        return float(2 * np.sin(np.pi / (2 * (2 * extra_samples + 1))))
+    if not 0.0 < smoothing <= 1.0:
+        raise ValueError(f"smoothing = {smoothing:g}; it must be above 0 and at most 1")
+    pole = 1.0 - smoothing
+
+    def angle(w: float) -> float:
+        return extra_samples * w + np.arctan2(np.sin(w), np.cos(w) - pole) - np.pi / 2
+
+    w = float(scipy.optimize.brentq(angle, 0.0, np.pi, xtol=1e-14))  # pyright: ignore[reportArgumentType]
+    return float(2 / smoothing * np.tan(w / 2) * np.hypot(np.sin(w), np.cos(w) - pole))
+
+
+def lowest_ratio(period: float, position_gain: Gain, velocity_gain: Gain) -> float:
+    """Return 2 l k_p/k_d, which the eigenvalues of M_t^-1 Mhat should stay above; the largest over the axes.
+
+    Empirical: below it limit cycles were seen; its factor 2 was found by simulation and no proof is known.
+    """
+    return float(np.max(2 * period * np.asarray(position_gain) / np.asarray(velocity_gain)))
+
+
+class FreeFlight(NamedTuple):
+    """The desired motion M_d x'' + B_d x' = F_d of a force-controlled axis without contact."""
+
+    speed: float
+    """F_d/B_d, m/s: the largest speed of a start at rest; infinite without damping"""
+    time_constant: float
+    """M_d/B_d, s"""
+
+
+def free_flight(force: float, inertia: float, damping: float) -> FreeFlight:
+    """Return the speed and time constant, after (3), for F_d (N), M_d (kg) and B_d (N s/m)."""
+    if damping == 0.0:
+        return FreeFlight(np.inf if force else 0.0, np.inf)
+    return FreeFlight(abs(force) / damping, inertia / damping)

@@ -1,0 +1,29 @@
+"""How often a command was late."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from hilrig.kinds.metrics._record import PhaseRecord
+
+
+@dataclass(frozen=True)
+class LateFraction:
+    """Share of the ticks whose command was older than it should have been, or was applied a period or more too late.
+
+    late = #{k : late(k)} / N, of the N ticks from the first to the last, those that nobody answered included
+
+    Always 0 in lockstep, where the driver waits.
+    """
+
+    unit: ClassVar[str] = ""
+
+    def measure(self, record: PhaseRecord) -> dict[str, float]:
+        """Return the share, 0 to 1."""
+        if record.late.size == 0:
+            return {}
+        ticks = int(record.tick[-1]) - int(record.tick[0]) + 1
+        return {"": float(np.sum(record.late[1:]) + min(record.late[0], 1.0)) / ticks}

@@ -1,0 +1,32 @@
+"""A curve through points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from hilrig.core.interfaces import Samples, Span
+from hilrig.core.parameters import Parameter
+from hilrig.core.signals import Array
+from hilrig.kinds.references._curve import Interpolation, check_points, curve
+
+
+@dataclass(frozen=True)
+class Waypoints:
+    """r(t) passes through (times_i, values_i), t counted from the start of the phase.
+
+    cubic: the spline with continuous acceleration that is at rest at its first and last point; linear:
+    straight lines. Before the first and after the last point r rests there.
+    """
+
+    times: Annotated[tuple[float, ...], Parameter("s", "since the start of the phase, rising", 0.0)]
+    values: Annotated[tuple[float, ...], Parameter("m|N", "one for each time")]
+    interpolation: Interpolation = "cubic"
+
+    def __post_init__(self) -> None:
+        """Raise ValueError if the points make no curve."""
+        check_points(self.times, self.values)
+
+    def sample(self, time: Array, span: Span) -> Samples:
+        """Return the curve at `time` (N,) s."""
+        return curve(self.times, self.values, self.interpolation, time - span.start)

@@ -1,0 +1,1 @@
+"""One tick, written once: measure, observe, control, limit, advance; interpreted or compiled."""

@@ -1,3 +1,0 @@
-"""The stage "plan": from an experiment to its trials, each checked as far as it can be without running it."""
-
-from hilrig.plan.planning import plan as plan

@@ -1,0 +1,39 @@
+"""The channels of a trial and the layout of their messages. Every channel has one message a tick, all of one size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hilrig.recording.messages.codec import Codec, Definition, definition, extended
+
+CHANNELS = {
+    "state": "State",
+    "truth": "Truth",
+    "command": "Command",
+    "internals": "Internals",
+    "driver_timing": "DriverTiming",
+    "controller_timing": "ControllerTiming",
+}
+"""Channel -> message"""
+
+
+def definitions(memory: Mapping[str, int]) -> dict[str, Definition]:
+    """Return the definition of every channel of a trial whose law remembers these fields (name -> length)."""
+    found = {channel: definition(message) for channel, message in CHANNELS.items()}
+    return {**found, "internals": extended(found["internals"], memory)}
+
+
+def layouts(joints: int, axes: int, memory: Mapping[str, int]) -> dict[str, Codec]:
+    """Return the codec of every channel for a robot with so many joints and task axes."""
+    found = definitions(memory)
+    per_joint = dict.fromkeys(("joint_position", "joint_velocity", "applied_torque", "torque"), joints)
+    per_axis = {"position": axes, "velocity": axes, "wrench": 6}
+    sizes = {
+        "state": {**per_joint, "wrench": 6},
+        "truth": {**per_joint, **per_axis},
+        "command": {"torque": joints, "position": joints},
+        "internals": {field.name: axes for field in found["internals"].fields if field.size == 0},
+        "driver_timing": {},
+        "controller_timing": {},
+    }
+    return {channel: Codec(found[channel], sizes[channel]) for channel in CHANNELS}

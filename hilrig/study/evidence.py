@@ -1,0 +1,173 @@
+"""From the tables of metrics to what they say of each claim, in words and numbers. Pure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from hilrig.core.signals import Array
+from hilrig.experiment.trial import ALL_PHASES
+from hilrig.report.dataset import TrialEntry
+from hilrig.report.page import number
+from hilrig.report.verdict_table import shown_unit
+from hilrig.study.claims import (
+    LEAST_PAIRS,
+    Judgement,
+    Range,
+    Result,
+    all_of,
+    difference,
+    judge,
+    paired,
+    relative,
+)
+from hilrig.study.crosscheck import elsewhere
+from hilrig.study.model import Claim, Part
+
+Tables = Mapping[str, pd.DataFrame]
+"""The metrics of each experiment, by its name"""
+Trials = Mapping[str, Sequence[TrialEntry]]
+"""The planned trials of each experiment, by its name"""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What was measured for one part of a claim."""
+
+    part: Part
+    measured: str
+    """What the number is that was judged"""
+    claimed: str
+    """Where the claim puts it"""
+    unit: str
+    """Of the number; "" for a pure number"""
+    judgement: Judgement
+    means: tuple[float, ...]
+    """Mean of the metric, and of the other value if there is one, over the same repeats"""
+    metric_unit: str
+
+    @property
+    def values(self) -> str:
+        """The means of what was measured, as people read them"""
+        factor, unit = shown_unit(self.metric_unit)
+        return " against ".join(f"{number(factor * mean)} {unit}".strip() for mean in self.means)
+
+    @property
+    def number(self) -> str:
+        """The number that was judged and its interval, as people read it"""
+        found = self.judgement
+        if found.mean is None:
+            return "–"
+        factor, unit = shown_unit(self.unit)
+        mean = f"{number(factor * found.mean)} {unit}".strip()
+        if found.low is None or found.high is None or found.low == found.high or math.isinf(found.low):
+            return mean
+        return f"{mean} [{number(factor * found.low)}, {number(factor * found.high)}]"
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A claim and what it came to."""
+
+    claim: Claim
+    result: Result
+    evidence: tuple[Evidence, ...]
+
+
+def judge_claims(claims: Sequence[Claim], tables: Tables, trials: Trials) -> list[Judged]:
+    """Return every claim with its result and what it rests on."""
+    found = []
+    for claim in claims:
+        evidence = tuple(_judge_part(part, tables, trials) for part in claim.parts)
+        found.append(Judged(claim, all_of([item.judgement.result for item in evidence]), evidence))
+    return found
+
+
+def _judge_part(part: Part, tables: Tables, trials: Trials) -> Evidence:
+    """Judge one part by the repeats that completed; where they are too few, say what is missing."""
+    values, metric_unit = _values(part, tables)
+    other = part.less_than or part.equals_within
+    places = (part,) if other is None else (part, elsewhere(part, other))
+    columns = paired(values, values if other is None else _values(places[-1], tables)[0])[: len(places)]
+    numbers, limits = _numbers(part, *columns)
+    found = judge(numbers, limits)
+    if found.pairs < LEAST_PAIRS:
+        why = [text for place in places if (text := _missing(place, tables, trials))]
+        found = replace(found, reason="; ".join(dict.fromkeys([found.reason, *why])))
+    unit = "" if part.equals_within else metric_unit
+    means = tuple(float(np.mean(column)) for column in columns if column.size)
+    return Evidence(part, *_words(part, places, metric_unit), unit, found, means, metric_unit)
+
+
+def _numbers(part: Part, values: Array, others: Array | None = None) -> tuple[Array, Range]:
+    """Return the numbers (n,) that a part is judged by, and the range in which the claim puts them."""
+    if others is not None and part.equals_within:
+        return relative(values, others), (-part.equals_within.fraction, part.equals_within.fraction)
+    if others is not None and part.less_than:
+        return difference(values, others, part.less_than.times), (-math.inf, 0.0)
+    return values, (_number(part.above, -math.inf), _number(part.below, math.inf))
+
+
+def _words(part: Part, places: tuple[Part, ...], unit: str) -> tuple[str, str]:
+    """Return what is measured, and what is claimed of it."""
+    subject = _subject(part)
+    if part.equals_within:
+        fraction = part.equals_within.fraction
+        return f"{subject}, relative difference to {_against(*places)}", f"within ±{fraction:g}"
+    if part.less_than:
+        times = "" if part.less_than.times == 1 else f"{part.less_than.times:g} × "
+        return f"{subject}, less {times}that of {_against(*places)}", "below 0"
+    return subject, _limit(part, unit)
+
+
+def _values(part: Part, tables: Tables) -> tuple[dict[int, float], str]:
+    """Return the values of a part's metric by repeat, and their unit."""
+    table = tables[part.experiment]
+    keys = ("controller", "condition", "phase", "metric", "axis")
+    rows = [row for row in table.to_dict("records") if all(row[key] == getattr(part, key) for key in keys)]
+    return {int(row["repeat"]): float(row["value"]) for row in rows}, str(rows[0]["unit"]) if rows else ""
+
+
+def _missing(part: Part, tables: Tables, trials: Trials) -> str:
+    """Return why there are few values or none: trials that did not complete, or an axis without the metric."""
+    mine = [t for t in trials[part.experiment] if (t.controller, t.condition) == (part.controller, part.condition)]
+    lost = [trial for trial in mine if not trial.counts]
+    if lost:
+        outcomes = ", ".join(dict.fromkeys(trial.ending for trial in lost))
+        return f"{len(lost)} of {len(mine)} trials of {part.controller} did not complete ({outcomes})"
+    table = tables[part.experiment]
+    axes = dict.fromkeys(str(axis) for axis in table.loc[table["metric"] == part.metric, "axis"])
+    if part.axis in axes:
+        return ""
+    return f"{part.metric} has no axis '{part.axis}' (it has: {', '.join(repr(axis) for axis in axes) or 'none'})"
+
+
+def _subject(part: Part) -> str:
+    """Return what is measured, in words."""
+    metric = part.metric.replace("_rmse", " RMSE").replace("memory_rms.", "RMS of ").replace("memory_peak.", "peak of ")
+    where = "whole trial" if part.phase == ALL_PHASES else part.phase
+    axis = f", component {part.axis}" if part.axis.isdigit() else f" {part.axis}" if part.axis else ""
+    name = metric.replace("_", " ") + axis
+    return f"{name}, {part.controller} ({part.experiment}, {part.condition}, {where})"
+
+
+def _against(part: Part, there: Part) -> str:
+    """Return what is different about the other value, in words."""
+    names = ("controller", "experiment", "condition", "phase")
+    return ", ".join(getattr(there, name) for name in names if getattr(there, name) != getattr(part, name))
+
+
+def _number(limit: float | str | None, default: float) -> float:
+    """Return a limit, which the check of the study has brought into its unit."""
+    return default if limit is None else float(limit)
+
+
+def _limit(part: Part, unit: str) -> str:
+    """Return the claimed limit of a value, in words."""
+    factor, shown = shown_unit(unit)
+    word, limit = ("below", part.below) if part.below is not None else ("above", part.above)
+    return f"{word} {factor * _number(limit, 0.0):g} {shown}".strip()

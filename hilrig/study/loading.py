@@ -1,0 +1,77 @@
+"""Reading a reproduction file, and the experiments that it names."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from hilrig.core.errors import ExperimentError, Place, Problem, nearest
+from hilrig.experiment import Experiment, document, load
+from hilrig.experiment.loading import is_experiment, problems
+from hilrig.experiment.schema import Context, InvalidError, read
+from hilrig.study.crosscheck import completed
+from hilrig.study.model import Study
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A study whose parts fit each other."""
+
+    path: Path
+    study: Study
+    experiments: dict[str, Experiment]
+    """By name, in the order of the file"""
+    sources: dict[str, Path]
+    """The file of each experiment, by the experiment's name"""
+
+
+def load_study(path: Path, overrides: Iterable[str] = ()) -> Loaded:
+    """Return the study in a file with its experiments; `overrides` change all of them, as "repeats=2" does.
+
+    Raises ExperimentError with everything that is wrong, each with its place.
+    """
+    source = document.read(path)
+    if is_experiment(source):
+        message = f"this is an experiment, not a study; type: hilrig run {shlex.quote(str(path))}"
+        raise ExperimentError([Problem(Place(str(path)), message)])
+    try:
+        study = read(Study, source.data, Context(path.resolve().parent))
+    except InvalidError as error:
+        raise ExperimentError(problems(error.findings, source)) from error
+    experiments, sources = _experiments(study, source, list(overrides))
+    try:
+        return Loaded(path, completed(study, experiments), experiments, sources)
+    except InvalidError as error:
+        raise ExperimentError(problems(error.findings, source)) from error
+
+
+def _experiments(
+    study: Study, source: document.Document, overrides: list[str]
+) -> tuple[dict[str, Experiment], dict[str, Path]]:
+    """Return the experiments and their files, by name. Raises ExperimentError with what is wrong in all of them."""
+    experiments: dict[str, Experiment] = {}
+    sources: dict[str, Path] = {}
+    found: list[Problem] = []
+    for i, name in enumerate(study.experiments):
+        file = Path(source.file).parent / name
+        if not file.is_file():
+            beside = [item.name for item in file.parent.glob("*.y*ml")]
+            message = f"there is no file '{name}' beside this one{nearest(name, beside)}"
+            found.append(Problem(source.place("experiments", i), message))
+            continue
+        try:
+            experiment = load(file, overrides)
+        except ExperimentError as error:
+            found += error.problems
+            continue
+        if experiment.name in experiments:
+            message = f"the experiment '{experiment.name}' is here twice, in {sources[experiment.name].name} too"
+            found.append(Problem(source.place("experiments", i), message))
+        experiments[experiment.name], sources[experiment.name] = experiment, file
+    if not study.experiments:
+        found.append(Problem(source.place("experiments"), "there are no experiments; a study needs one at least"))
+    if found:
+        raise ExperimentError(dict.fromkeys(found))
+    return experiments, sources

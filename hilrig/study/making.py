@@ -1,0 +1,157 @@
+"""The pipeline of a reproduction: read the runs, measure, draw the figures, judge the claims, write the pages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from hilrig.recording.run_directory import make_directory, write_json
+from hilrig.report.dataset import RunData, TrialEntry, TrialSignals, load_run, read_signals
+from hilrig.report.expectations import Expected, judge
+from hilrig.report.measures import COLUMNS, all_metrics, table
+from hilrig.report.saving import write_figure
+from hilrig.study.drawing import draw_figure
+from hilrig.study.evidence import Judged, judge_claims
+from hilrig.study.loading import Loaded
+from hilrig.study.measuring import measure_all, memory_field
+from hilrig.study.model import FigureSpec, Study
+from hilrig.study.pages import Page, Picture, write_pages
+from hilrig.study.rows import claim_rows, summary
+
+DIGITS = "%.9g"
+"""Of the numbers in the tables: more than anybody reads, fewer than differ from machine to machine"""
+
+
+@dataclass(frozen=True)
+class _Read:
+    """What is kept of the run of one experiment."""
+
+    data: RunData
+    metrics: pd.DataFrame
+    drawn: Mapping[str, tuple[TrialEntry, TrialSignals]]
+    """The trials that figures show, by id"""
+
+
+@dataclass(frozen=True)
+class Made:
+    """What a reproduction came to."""
+
+    judged: list[Judged]
+    """Its claims"""
+    expected: dict[str, list[Expected]]
+    """What each experiment expects of itself, by its name"""
+    ended_well: bool
+    """Whether every trial completed and counts, or ended as expected"""
+
+    @property
+    def expectations(self) -> int:
+        """How many expectations there are"""
+        return sum(map(len, self.expected.values()))
+
+
+def make_reproduction(
+    loaded: Loaded, runs: Mapping[str, Path], out: Path, command: str, overrides: Sequence[str] = (), jobs: int = 1
+) -> Made:
+    """Write the reproduction into `out` from a run of each experiment; return what it came to.
+
+    Writes index.html, README.md, figures/, claims.csv, metrics.csv and summary.json. All of it follows from the runs'
+    signals and the study's file: the same trials make the same bytes. Raises RunDirectoryError if a run is none, or if
+    `out` cannot be made. `jobs` processes read the signals.
+    """
+    with suppress(FileExistsError):
+        make_directory(out / "figures")
+    with _readers(jobs) as each:
+        reads = {name: _read(loaded.study, name, load_run(runs[name]), each) for name in loaded.experiments}
+    tables = {name: read.metrics for name, read in reads.items()}
+    data = {name: read.data for name, read in reads.items()}
+    trials = {name: run.trials for name, run in data.items()}
+    judged = judge_claims(loaded.study.claims, tables, trials)
+    expected = {name: judge(run.experiment.get("expect") or [], tables[name], run.trials) for name, run in data.items()}
+    pictures = [_picture(spec, reads[spec.experiment], out) for spec in loaded.study.figures]
+    claims = pd.DataFrame(claim_rows(judged))
+    claims.to_csv(out / "claims.csv", index=False, float_format=DIGITS)
+    _all_metrics(tables).to_csv(out / "metrics.csv", index=False, float_format=DIGITS)
+    write_json(out / "summary.json", summary(loaded, judged, expected, data, overrides))
+    write_pages(Page(loaded, judged, pictures, expected, data, command, tuple(overrides)), out)
+    return Made(judged, expected, all(t.counts or run.as_expected(t) for run in data.values() for t in run.trials))
+
+
+def _all_metrics(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Return one table of all experiments, which the first column names."""
+    named = [found.assign(experiment=name) for name, found in tables.items()]
+    return pd.concat(named).reindex(columns=["experiment", *COLUMNS])
+
+
+Each = Callable[..., Iterable[Any]]
+"""Works like `map`"""
+
+
+@contextmanager
+def _readers(jobs: int) -> Iterator[Each]:
+    """Yield what reads many trials: one after the other, or in so many processes."""
+    if jobs == 1:
+        yield map
+        return
+    # Fresh processes: forking one that has threads is not safe.
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        yield pool.map
+
+
+def _read(study: Study, name: str, data: RunData, each: Each) -> _Read:
+    """Read the bags of one run; keep the metrics, and the signals that figures show."""
+    wanted = {part.metric for claim in study.claims for part in claim.parts if part.experiment == name}
+    memory = sorted(metric for metric in wanted if memory_field(metric) is not None)
+    shown = {trial.id for spec in study.figures if spec.experiment == name for trial in _drawn(spec, data)}
+    needed = [trial for trial in data.trials if trial.counts or trial.id in shown]
+    found = list(each(partial(_read_trial, memory, shown), needed))
+    drawn = {t.id: (t, signals) for t, (_, signals) in zip(needed, found, strict=True) if signals is not None}
+    return _Read(data, table([row for rows, _ in found for row in rows]), drawn)
+
+
+def _read_trial(
+    memory: Sequence[str], shown: Collection[str], trial: TrialEntry
+) -> tuple[list[tuple[Any, ...]], TrialSignals | None]:
+    """Return one trial's rows of metrics, if it completed, and its signals, if a figure shows them."""
+    signals = read_signals(trial)
+    if signals is None:
+        return [], None
+    rows = measure_all(trial, signals, all_metrics(), memory) if trial.counts else []
+    return rows, signals if trial.id in shown else None
+
+
+def _drawn(spec: FigureSpec, data: RunData) -> list[TrialEntry]:
+    """Return which trials a figure shows: of each controller the first completed repeat, or the first at all."""
+    chosen: dict[str, TrialEntry] = {}
+    for trial in sorted(data.trials, key=lambda trial: (not trial.counts, trial.repeat)):
+        if trial.condition == spec.condition and trial.controller in spec.controllers:
+            chosen.setdefault(trial.controller, trial)
+    return [chosen[name] for name in spec.controllers if name in chosen]
+
+
+def _picture(spec: FigureSpec, read: _Read, out: Path) -> Picture:
+    """Draw and save one figure."""
+    trials = [read.drawn[trial.id] for trial in _drawn(spec, read.data) if trial.id in read.drawn]
+    pairs: dict[str, Any] = {trial.controller: (trial, signals) for trial, signals in trials}
+    if not pairs:
+        return Picture(spec, "", "", f"No trial of {spec.experiment} left a record of this.")
+    figure, notes = draw_figure(spec, pairs, read.data.controllers)
+    stem = out / "figures" / f"fig{spec.figure.zfill(2)}"
+    return Picture(spec, stem.name, write_figure(figure, stem), _caption(spec, trials, notes))
+
+
+def _caption(spec: FigureSpec, trials: Sequence[tuple[TrialEntry, TrialSignals]], notes: Sequence[str]) -> str:
+    """Say what is shown: which trial, from which source, and what was cut."""
+    repeats = ", ".join(map(str, sorted({trial.repeat for trial, _ in trials})))
+    sources = " and ".join(sorted({"true" if signals.source == "truth" else "measured" for _, signals in trials}))
+    of = f"Condition {spec.condition}, repeat {repeats}; "
+    what = "what the law published." if spec.quantity.startswith("memory.") else f"the plant's {sources} signals."
+    zoom = "The grey band is enlarged below." if spec.zoom else ""
+    return " ".join(text for text in (spec.caption, of + what, zoom, *(f"{note}." for note in notes)) if text)

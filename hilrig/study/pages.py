@@ -1,0 +1,88 @@
+"""The pages of a reproduction: one HTML file that needs no other, and a README for reading where the code is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+from jinja2 import Environment, StrictUndefined
+
+from hilrig.report.dataset import RunData
+from hilrig.report.expectations import Expected
+from hilrig.report.page import STYLE
+from hilrig.study.evidence import Judged
+from hilrig.study.loading import Loaded
+from hilrig.study.model import FigureSpec
+from hilrig.study.rows import counts, ended, reason
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure for the pages."""
+
+    spec: FigureSpec
+    file: str
+    """Name of its files in figures/, without the ending; "" if there was nothing to draw, and the caption says so"""
+    source: str
+    """Data URI"""
+    caption: str
+
+
+@dataclass(frozen=True)
+class Page:
+    """All that the pages show."""
+
+    loaded: Loaded
+    judged: Sequence[Judged]
+    pictures: Sequence[Picture]
+    expected: Mapping[str, Sequence[Expected]]
+    """What each experiment expects of itself, by its name"""
+    runs: Mapping[str, RunData]
+    """The run of each experiment, by its name"""
+    command: str
+    """What makes all of it"""
+    overrides: tuple[str, ...]
+
+
+def write_pages(page: Page, out: Path) -> None:
+    """Write index.html and README.md into `out`."""
+    (out / "index.html").write_text(_render(page, "index.html.j2", escape=True), encoding="utf-8")
+    (out / "README.md").write_text(_render(page, "README.md.j2", escape=False), encoding="utf-8")
+
+
+def _render(page: Page, name: str, escape: bool) -> str:
+    environment = Environment(
+        autoescape=escape, undefined=StrictUndefined, trim_blocks=True, keep_trailing_newline=True
+    )
+    environment.filters["cell"] = _cell
+    environment.filters["reason"] = reason
+    template = environment.from_string(resources.files("hilrig.study").joinpath(name).read_text("utf-8"))
+    lost = [(name, trial) for name, run in page.runs.items() for trial in run.trials if not trial.counts]
+    expectations = [(name, item) for name, items in page.expected.items() for item in items]
+    return template.render(
+        page=page, study=page.loaded.study, counts=counts(page.judged), style=STYLE, lost=lost,
+        expectations=expectations, ended={name: ended(run) for name, run in page.runs.items()},
+        run_commands={name: _run_command(page, name) for name in page.loaded.experiments},
+    )  # fmt: skip
+
+
+def _run_command(page: Page, experiment: str) -> str:
+    """Return the command that runs one experiment alone; its path as the study's file has it."""
+    file = page.loaded.sources[experiment]
+    changes = "".join(f" --set {text}" for text in page.overrides)
+    return f"hilrig run {shown_path(file)}{changes}"
+
+
+def shown_path(path: Path) -> str:
+    """Return a path as pages show it: from where hilrig was called if it is below, else its name alone."""
+    try:
+        return path.resolve().relative_to(Path.cwd()).as_posix()
+    except ValueError:
+        return path.name
+
+
+def _cell(text: str) -> str:
+    """Return text for a cell of a Markdown table."""
+    return text.replace("|", "\\|").replace("\n", " ").replace("_", "\\_").replace("*", "\\*")

@@ -1,0 +1,1 @@
+"""What several tests share: builders, simulated loops, runs made by hand."""

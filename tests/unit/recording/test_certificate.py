@@ -1,0 +1,170 @@
+"""The certificate's parts against closed cases: the table, durations, late ticks, the budget, histograms."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers.loop_simulation import Loop, Stall
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hilrig.recording.certificate.budget import Budget, broken
+from hilrig.recording.certificate.durations import Terms, command_age, durations, late_ticks
+from hilrig.recording.certificate.histogram import histogram, lower_edges, quantiles, tail
+from hilrig.recording.certificate.table import join
+from hilrig.recording.timing import summarise
+
+MICRO = 1000
+MS = 1_000_000
+REALTIME, LOCKSTEP = Terms("realtime", 1e-3, 1), Terms("lockstep", 1e-3, 1)
+
+
+def driver(*ticks: int, **changes: list[int]) -> dict[str, Any]:
+    """Ticks due every ms from 10 ms on: woke 10 us later, applied at 40 us, published at 50 us; commands in time."""
+    tick = np.array(ticks, dtype=np.int64)
+    due = 10 * MS + tick * MS
+    columns = {
+        "tick": tick.astype(np.uint64), "time": tick * 1e-3, "due": due, "woke": due + 10 * MICRO, "command": tick - 1,
+        "received": np.where(tick > 0, due - 700 * MICRO, 0), "applied": due + 40 * MICRO,
+        "published": due + 50 * MICRO, "continued": 0 * tick,
+    }  # fmt: skip
+    return {**columns, **{name: np.array(values) for name, values in changes.items()}}
+
+
+def controller(*ticks: int) -> dict[str, Any]:
+    """Measurements received 100 us after due, computed at 200 us, the command published at 220 us."""
+    tick = np.array(ticks, dtype=np.int64)
+    due = 10 * MS + tick * MS
+    return {
+        "tick": tick.astype(np.uint64), "time": tick * 1e-3, "waiting": due - 700 * MICRO,
+        "received": due + 100 * MICRO, "computed": due + 200 * MICRO, "published": due + 220 * MICRO,
+        "continued": 0 * tick,
+    }  # fmt: skip
+
+
+def test_every_duration_is_from_its_own_stamps() -> None:
+    found = durations(join(driver(*range(5)), controller(*range(5))), REALTIME)
+    expected = {
+        "lateness": [10] * 5, "state_transport": [50] * 5, "compute": [100] * 5, "command_transport": [80] * 4,
+        "round_trip": [250] * 4, "command_age": [1030] * 4,
+    }  # fmt: skip
+    assert set(found) == set(expected)
+    for name, values in expected.items():
+        np.testing.assert_array_equal(found[name], np.array(values) * MICRO, err_msg=name)
+
+
+def test_two_clocks_say_nothing_between_them() -> None:
+    found = durations(join(driver(*range(5)), controller(*range(5)), one_clock=False), REALTIME)
+    assert found["state_transport"] is found["command_transport"] is None
+    assert found["round_trip"] is not None
+    assert found["round_trip"].size == 4
+
+
+def test_lockstep_has_no_lateness() -> None:
+    assert durations(join(driver(0, 1), controller(0, 1)), LOCKSTEP)["lateness"] is None
+
+
+def test_rows_are_joined_by_tick_whatever_is_missing() -> None:
+    """Ticks 2 and 3 are missing at the driver, 1 and 4 at the controller; rows come in any order."""
+    table = join(driver(5, 4, 0, 1), controller(5, 0, 3, 2))
+    np.testing.assert_array_equal(table.driver.tick, [0, 1, 4, 5])
+    np.testing.assert_array_equal(table.answered, [True, False, False, True])
+    np.testing.assert_array_equal(table.answers.tick, [0, 2, 3, 5])
+    # Commands 0, 3 and 4 took effect, at ticks 1, 4 and 5; those that answer ticks 1 and 5 never did.
+    np.testing.assert_array_equal(table.effective > 0, [True, False, True, False])
+    assert table.returned[0] == 11 * MS - 700 * MICRO
+    assert command_age(table).size == 2, "the command of tick 3 is known, the waking of tick 3 is not"
+
+
+def test_nothing_at_all() -> None:
+    for driver_rows, controller_rows in ((None, None), (driver(), controller()), (None, controller(0, 1))):
+        table = join(driver_rows, controller_rows)
+        assert late_ticks(table, REALTIME).size == 0
+        assert command_age(table).size == 0
+
+
+@pytest.mark.parametrize(("terms", "late"), [(REALTIME, [0, 0, 1, 1, 0]), (LOCKSTEP, [0] * 5)])
+def test_late_is_an_older_command_or_an_effect_a_period_after_due(terms: Terms, late: list[int]) -> None:
+    due = 10 * MS + np.arange(5) * MS
+    applied = due + np.array([40, 999, 40, 1000, 40]) * MICRO
+    table = join(driver(*range(5), command=[-1, 0, 0, 2, 3], applied=list(applied)), None)
+    np.testing.assert_array_equal(late_ticks(table, terms), np.array(late, dtype=bool))
+
+
+@pytest.mark.parametrize("delay", [0, 1, 3])
+def test_the_first_ticks_have_no_command_and_are_not_late(delay: int) -> None:
+    commands = np.maximum(np.arange(6) - delay, -1)
+    assert not late_ticks(join(driver(*range(6), command=list(commands)), None), Terms("realtime", 1e-3, delay)).any()
+
+
+def test_the_age_of_a_command_that_is_held_grows() -> None:
+    """At ticks 2 and 3 the command of tick 0 is still in effect."""
+    ages = command_age(join(driver(*range(5), command=[-1, 0, 0, 0, 3]), None))
+    np.testing.assert_array_equal(ages, np.array([1030, 2030, 3030, 1030]) * MICRO)
+
+
+BUDGET = Budget(0.005, 1.25e-3)
+
+
+@pytest.mark.parametrize(
+    ("ticks", "late", "age", "reasons"),
+    [
+        (1000, 5, 1.25, []),
+        (1000, 6, 1.25, ["late ticks 0.6 %, at most 0.5 %"]),
+        (1000, 0, 1.26, ["command age p99 1.26 ms, at most 1.25 ms"]),
+        (100_000, 501, 2.0, ["late ticks 0.501 %, at most 0.5 %", "command age p99 2 ms, at most 1.25 ms"]),
+        (10_000_000, 50_001, 1.0, ["late ticks 0.50001 %, at most 0.5 %"]),
+        (0, 0, 1.0, ["no tick left a stamp: nothing shows that the loop kept its period"]),
+    ],
+)
+def test_a_reason_names_value_and_limit(ticks: int, late: int, age: float, reasons: list[str]) -> None:
+    assert broken(BUDGET, ticks, late, np.full(100, round(age * MS))) == reasons
+
+
+def test_a_loop_without_any_command_kept_no_budget() -> None:
+    assert broken(BUDGET, 10, 0, np.zeros(0, dtype=np.int64)) == ["no command took effect: its age is not known"]
+
+
+@given(st.lists(st.integers(-(2**50), 2**50), min_size=1, max_size=50))
+def test_every_value_is_in_one_bin_no_wider_than_a_64th(values: list[int]) -> None:
+    """By the bin's definition: keep seven significant bits of the magnitude, in whole numbers of any size."""
+    for value, edge in zip(values, lower_edges(np.array(values)).tolist(), strict=True):
+        width = 1 << max(abs(value).bit_length() - 7, 0)
+        inner = abs(value) // width * width
+        assert edge == (inner if value >= 0 else -(inner + width - 1))
+        assert edge <= value < edge + width
+        assert width == 1 or 64 * width <= inner
+    bins = histogram(np.array(values))
+    assert sum(count for _, count in bins) == len(values)
+    assert [edge for edge, _ in bins] == sorted({edge for edge, _ in bins})
+
+
+@given(st.lists(st.integers(-1000, 10_000_000), min_size=1, max_size=50))
+def test_the_tail_is_exact_at_the_edges(values: list[int]) -> None:
+    edges, shares = tail(histogram(np.array(values)))
+    for edge, share in zip(edges, shares, strict=True):
+        assert share == pytest.approx(sum(value >= edge for value in values) / len(values))
+
+
+def test_quantiles_are_of_the_values_and_in_microseconds() -> None:
+    assert quantiles(np.arange(1001) * MICRO) == {"p50": 500.0, "p99": 990.0, "p99.9": 999.0, "max": 1000.0}
+    assert quantiles(np.zeros(0, dtype=np.int64)) is None
+
+
+@given(st.data())
+def test_a_record_with_holes_says_less_and_breaks_nothing(data: st.DataObject) -> None:
+    """Whatever rows are lost, ticks that remain are late or not as before."""
+    own, other = HOLED
+    whole = late_ticks(join(own, other), REALTIME)
+    kept = [np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)), dtype=bool)
+            for n in (own["tick"].size, other["tick"].size)]  # fmt: skip
+    cut = [{name: values[rows] for name, values in columns.items()} for columns, rows in zip(HOLED, kept, strict=True)]
+    found = summarise(REALTIME, BUDGET, {"driver_timing": cut[0], "controller_timing": cut[1]})
+    assert found["late"] == np.count_nonzero(whole[kept[0]]) == sum(found["late_by"].values())
+
+
+HOLED = Loop(
+    [Stall("driver_publish", 8, 2 * MS), Stall("state_loss", 20, 0), Stall("controller_stop", 30, 3 * MS)], 40
+).run().columns()  # fmt: skip

@@ -1,0 +1,168 @@
+"""The threads beside the loop: what comes is stamped, what goes never holds it up, and a stop is seen."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from queue import SimpleQueue
+from threading import Event
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hilrig.rig import background_sender
+from hilrig.rig.background_sender import BackgroundSender
+from hilrig.rig.command_receiver import CommandReceiver, Waiting
+
+STOPPED = """
+import sys, time
+from hilrig.rig.resume_monitor import ResumeMonitor
+
+noted = ResumeMonitor()
+noted.listen()
+print(noted.last, flush=True)
+for line in sys.stdin:
+    deadline, before = time.monotonic() + 20.0, int(line)
+    while noted.last <= before and time.monotonic() < deadline:
+        time.sleep(0.001)
+    print(noted.last, time.monotonic_ns(), flush=True)
+"""
+
+
+class Box:
+    """An inbox that others fill."""
+
+    def __init__(self) -> None:
+        self.messages: SimpleQueue[bytes] = SimpleQueue()
+
+    def take(self) -> bytes:
+        return self.messages.get()
+
+
+def within(seconds: float, wanted: Any) -> bool:
+    """Wait until `wanted()` holds; return whether it came to that."""
+    deadline = time.monotonic() + seconds
+    while not wanted() and time.monotonic() < deadline:
+        time.sleep(0.001)
+    return wanted()
+
+
+def test_who_waits_takes_them_in_order() -> None:
+    box: Any = Box()
+    for message in (b"one", b"two", b""):
+        box.messages.put(message)
+    waiting, before = Waiting(box), time.monotonic_ns()
+    taken = [waiting.take() for _ in range(3)]
+    assert [message for _, message in taken] == [b"one", b"two", b""]
+    stamps = [before, *(moment for moment, _ in taken), time.monotonic_ns()]
+    assert stamps == sorted(stamps)
+
+
+def test_arrivals_are_stamped_when_they_come_not_when_they_are_taken() -> None:
+    box: Any = Box()
+    receiver, taken, spans = CommandReceiver(box), [], []
+    assert receiver.take() is None, "nothing has come, and nobody waits"
+    for message in (b"one", b"two", b""):
+        before = time.monotonic_ns()
+        box.messages.put(message)
+        assert within(20.0, lambda: len(receiver._arrived) > len(spans))  # pyright: ignore[reportPrivateUsage]
+        spans.append((before, time.monotonic_ns()))
+    while (arrival := receiver.take()) is not None:
+        taken.append(arrival)
+    assert [message for _, message in taken] == [b"one", b"two", b""]
+    for (moment, _), (before, after) in zip(taken, spans, strict=True):
+        assert before <= moment <= after
+
+
+def test_a_bus_that_is_closed_is_the_last_to_come() -> None:
+    """The thread that listens ends, without a word in the trial's log."""
+
+    class Closed:
+        def take(self) -> bytes:
+            raise RuntimeError("channel is empty and closed")
+
+    box: Any = Closed()
+    receiver = CommandReceiver(box)
+    assert within(20.0, lambda: bool(receiver._arrived))  # pyright: ignore[reportPrivateUsage]
+    arrival = receiver.take()
+    assert arrival is not None
+    assert arrival[1] == b""
+    assert receiver.take() is None
+
+
+@given(st.lists(st.binary(max_size=20), max_size=50))
+def test_a_courier_brings_all_in_order(messages: list[bytes]) -> None:
+    brought: list[bytes] = []
+    sender = BackgroundSender(brought.append)
+    for message in messages:
+        sender.send(message)
+    sender.finish()
+    assert brought == messages
+
+
+def test_a_courier_that_is_held_up_holds_nobody_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It keeps the newest: the last one is what the logger waits for."""
+    monkeypatch.setattr(background_sender, "MOST", 5)
+    brought: list[bytes] = []
+    at_the_door, go = Event(), Event()
+
+    def put(message: bytes) -> None:
+        at_the_door.set()
+        go.wait(20.0)
+        brought.append(message)
+
+    sender = BackgroundSender(put)
+    sender.send(b"0")
+    assert at_the_door.wait(20.0)
+    for k in range(1, 100):
+        sender.send(b"%d" % k)
+    assert brought == [], "all were sent while the first was on its way"
+    go.set()
+    sender.finish()
+    assert brought == [b"0", *(b"%d" % k for k in range(95, 100))]
+
+
+def test_a_stop_is_noted_each_time_the_process_goes_on() -> None:
+    """By a process of its own; CLOCK_MONOTONIC is the same in all processes."""
+    child = subprocess.Popen([sys.executable, "-c", STOPPED], stdin=-1, stdout=-1, text=True)
+    assert child.stdin is not None
+    assert child.stdout is not None
+    with child:
+        last = int(child.stdout.readline())
+        assert last == 0, "never"
+        for _ in range(5):
+            child.send_signal(signal.SIGSTOP)
+            assert within(20.0, lambda: state_of(child.pid) == "T")
+            before = time.monotonic_ns()
+            child.send_signal(signal.SIGCONT)
+            child.stdin.write(f"{last}\n")
+            child.stdin.flush()
+            last, after = map(int, child.stdout.readline().split())
+            assert before <= last <= after
+        child.stdin.close()
+    assert child.returncode == 0
+
+
+def state_of(pid: int) -> str:
+    """Return the state of a process as /proc has it."""
+    with open(f"/proc/{pid}/stat", encoding="ascii") as file:
+        return file.read().rsplit(")", 1)[1].split()[0]
+
+
+def test_at_rest_a_courier_has_sent_everything() -> None:
+    sent: list[bytes] = []
+
+    def put(message: bytes) -> None:
+        time.sleep(0.002)
+        sent.append(message)
+
+    sender = BackgroundSender(put)
+    for number in range(5):
+        sender.send(bytes([number]))
+    sender.rest()
+    assert sent[:5] == [bytes([number]) for number in range(5)]
+    sender.finish()
