@@ -138,7 +138,7 @@ class Disturbance(Protocol):
     def apply(
         self, schedule: DisturbanceSchedule, time: Array, axes: tuple[str, ...], random: np.random.Generator
     ) -> None:
-        """Add itself to `schedule` in place, for trial times `time` (N,) s. Raises ValueError if its axis is missing."""
+        """Add itself to `schedule` in place, for trial times `time` (N,) s. Raises ValueError if it lacks its axis."""
         ...
 
 

@@ -1,11 +1,9 @@
-"""The stage "check": from the experiment file to an Experiment, or to everything that is wrong with it."""
+"""The experiment file, from YAML to a checked plan of trials: schema, model, feasibility.
 
-from hilrig.experiment.loading import experiment_schema as experiment_schema
-from hilrig.experiment.loading import load as load
-from hilrig.experiment.model import Expectation as Expectation
-from hilrig.experiment.model import Experiment as Experiment
-from hilrig.experiment.model import ImpedanceSpec as ImpedanceSpec
-from hilrig.experiment.model import Phase as Phase
-from hilrig.experiment.model import Task as Task
-from hilrig.experiment.trial import Limits as Limits
-from hilrig.experiment.trial import TimingBudget as TimingBudget
+What others use of this room is in `__init__.pyi`, imported when first used: the processes of the rig read trials, and
+need neither YAML nor pydantic.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,7 +1,7 @@
 """How a trial's messages reach the logger.
 
 State and command are what the loop waits for: each goes out alone, at once, to the one process that needs it. For the
-record every sender keeps its messages in batches, one row a tick, and hands them to the logger many at a time: a message
+record every sender keeps its messages in batches, one row a tick, and hands many to the logger at a time: a message
 of its own for each would wake the logger six times a tick and cost the loop more than the control law.
 """
 

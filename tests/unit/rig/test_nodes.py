@@ -249,7 +249,7 @@ def test_kernels_do_all_but_the_first_tick(
     subject = trial(driver, law)
     codecs_of(subject)
     plant, control = calls(monkeypatch, PlantSide, "measure"), calls(monkeypatch, ControlSide, "control")
-    monkeypatch.setattr("tests.unit.test_halves.memory_of", lambda subject: SIZES[type(law)])
+    monkeypatch.setattr("tests.unit.rig.test_nodes.memory_of", lambda subject: SIZES[type(law)])
     by_halves(subject, frozenset())
     assert (plant, control) == ([measured], [answered])
 

@@ -1,0 +1,9 @@
+from .loading import experiment_schema as experiment_schema
+from .loading import load as load
+from .model import Expectation as Expectation
+from .model import Experiment as Experiment
+from .model import ImpedanceSpec as ImpedanceSpec
+from .model import Phase as Phase
+from .model import Task as Task
+from .trial import Limits as Limits
+from .trial import TimingBudget as TimingBudget
