@@ -76,8 +76,7 @@ class TwoLinkPlant:
         if not self._begun:
             self._begun = True
             self._state[4:] = holding_torque(self._model, self._state, disturbance)
-        observation, _ = self._look(disturbance)
-        return Measurement(observation.joint_position, observation.wrench, observation.applied_torque)
+        return self._look(disturbance)[0].measurement
 
     def advance(self, command: Command, disturbance: PlantDisturbance) -> None:
         """Integrate one period with the command held."""
@@ -93,10 +92,13 @@ class TwoLinkPlant:
     def truth(self, disturbance: PlantDisturbance) -> Truth:
         """Return the true state."""
         observation, surface = self._look(disturbance)
-        return Truth(*observation[:5], surface)
+        return observation.truth._replace(surface_position=surface)
 
     def _look(self, disturbance: PlantDisturbance) -> tuple[Observation, float]:
-        observation = Observation(*(np.empty(6 if name == "wrench" else 2) for name in Observation._fields))
+        observation = Observation(
+            Measurement(np.empty(2), np.empty(6), np.empty(2)),
+            Truth(np.empty(2), np.empty(2), np.empty(2), np.empty(2), np.empty(6), 0.0),
+        )
         return observation, observe(self._model, self._state, disturbance, observation)
 
     def close(self) -> None:
@@ -242,13 +244,12 @@ def observe(model: Model, state: Array, disturbance: PlantDisturbance, observati
     place, row_x, row_z = jacobian(c, pose(state[0], state[1]))
     speed = (row_x[0] * state[2] + row_x[1] * state[3], row_z[0] * state[2] + row_z[1] * state[3])
     force = exerted(*touched(c, disturbance), 0.0, place, speed)
-    observation.wrench[:] = 0.0
-    observation.wrench[0], observation.wrench[2] = force
+    measured, true = observation.measurement, observation.truth
+    for wrench in (measured.wrench, true.wrench):
+        wrench[:] = 0.0
+        wrench[0], wrench[2] = force
     for i in range(2):
-        observation.joint_position[i], observation.joint_velocity[i], observation.applied_torque[i] = (
-            state[i],
-            state[2 + i],
-            state[4 + i],
-        )
-        observation.position[i], observation.velocity[i] = place[i], speed[i]
+        measured.joint_position[i] = true.joint_position[i] = state[i]
+        true.joint_velocity[i], measured.applied_torque[i] = state[2 + i], state[4 + i]
+        true.position[i], true.velocity[i] = place[i], speed[i]
     return c.surface.position + disturbance.surface_offset

@@ -89,6 +89,13 @@ def can_be_composed(function: Callable[..., Any]) -> bool:
     return hasattr(function, "py_func") and not cast(Any, function).py_func.__closure__
 
 
+def assembled(template: Function, makes_arrays: bool = True, **parts: Callable[..., Any]) -> Function:
+    """Return `template` with these parts: compiled if all of them are kernels, in plain Python if one is not."""
+    if all(map(can_be_composed, parts.values())):
+        return composed(template, makes_arrays, **parts)
+    return filled(template, **parts)
+
+
 def composed(template: Function, makes_arrays: bool = True, **parts: Callable[..., Any]) -> Function:
     """Return `template` as a kernel in which the global names given by `parts` stand for these kernels.
 

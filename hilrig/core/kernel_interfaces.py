@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from hilrig.core.signals import Array, Kinematics, PlantDisturbance
+from hilrig.core.signals import Array, Kinematics, Measurement, PlantDisturbance, Truth
 
 
 class RobotKernels(NamedTuple):
@@ -17,14 +17,12 @@ class RobotKernels(NamedTuple):
 
 
 class Observation(NamedTuple):
-    """What is to be seen of a simulated plant: room for a `Measurement` and, but for the surface, a `Truth`."""
+    """Room for what a plant says of itself at a tick; a kernel fills all its arrays."""
 
-    joint_position: Array
-    joint_velocity: Array
-    position: Array
-    velocity: Array
-    wrench: Array
-    applied_torque: Array
+    measurement: Measurement
+    """Before the sensors' errors, which the rig adds"""
+    truth: Truth
+    """All but the place of the surface: a number in a tuple cannot be written in place"""
 
 
 class PlantKernels(NamedTuple):

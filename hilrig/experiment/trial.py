@@ -24,7 +24,7 @@ from hilrig.core.interfaces import (
     Task,
 )
 from hilrig.core.parameters import Parameter  # fmt: skip
-from hilrig.core.signals import Array, DisturbanceSchedule, Reference
+from hilrig.core.signals import Array, DisturbanceSchedule, Reference, State
 from hilrig.experiment.rig_settings import RigSettings
 from hilrig.kinds.registry import dump, restore
 
@@ -287,6 +287,19 @@ def make_task(trial: Trial) -> Task:
 def start_joint_position(trial: Trial) -> Array:
     """Return the joint position (n,) rad at which the trial starts. Raises OutOfReach."""
     return trial.driver.robot.inverse_kinematics(np.array(trial.start_position))
+
+
+def first_state(trial: Trial, q: Array, force: Array, torque: Array, elapsed: float) -> State:
+    """Return what a law sees at its first measurement: joints at q (n,) rad, still, for nothing was there before.
+
+    `force` is along the task axes (m,) N, `torque` the one in effect (n,) N m, `elapsed` in s.
+    """
+    still = np.zeros(trial.driver.robot.joints)
+    at = trial.driver.robot.kinematics(q.copy(), still)
+    return State(
+        q.copy(), still, at.position, at.velocity, at.jacobian, at.jacobian_rate, at.regressor,
+        np.array(force), torque.copy(), elapsed,
+    )  # fmt: skip
 
 
 def _phase(document: Mapping[str, Any]) -> PhaseSpec:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hilrig.core.errors import PluginError
-from hilrig.recording.messages.codec import definition
+from hilrig.loop.rows import InternalsRows
 
 
 def memory_sizes(memory: Any, controller: str) -> dict[str, int]:
@@ -33,5 +33,5 @@ def memory_sizes(memory: Any, controller: str) -> dict[str, int]:
     return {name: value.size for name, value in zip(names, memory, strict=True)}
 
 
-_TAKEN = tuple(field.name for field in definition("Internals").fields)
+_TAKEN = tuple(name for name in InternalsRows._fields if name != "memory")
 """What the record says of every law, before the law's own memory"""

@@ -4,40 +4,38 @@ from __future__ import annotations
 
 import numpy as np
 
-from hilrig.core.compiler import kernel
-from hilrig.core.errors import Tripped
+from hilrig.core.compiler import kernel_without_arrays
 from hilrig.core.signals import Array, Measurement
 from hilrig.experiment.trial import Limits
 
 
-class Monitor:
-    """Watches one trial against its limits."""
+@kernel_without_arrays
+def extremes(q: Array, last_q: Array, wrench: Array) -> tuple[bool, float, float]:
+    """Return whether all is finite, the norm of the force (N), and the largest step of a joint (rad).
 
-    def __init__(self, limits: Limits, period: float, last: Array | None = None) -> None:
-        """`last` is where the joints were at the tick before, (n,) rad; None before the first."""
-        self._limits, self._period, self._last = limits, period, last
+    `q` and `last_q` are the joint positions now and at the tick before, (n,) rad; `wrench` is (6,).
+    """
+    finite, step = True, 0.0
+    for i in range(q.size):
+        change = abs(q[i] - last_q[i])
+        finite = finite and np.isfinite(change)
+        step = max(step, change)
+    for i in range(wrench.size):
+        finite = finite and np.isfinite(wrench[i])
+    return finite, np.sqrt(wrench[0] ** 2 + wrench[1] ** 2 + wrench[2] ** 2), step
 
-    def check(self, tick: int, measurement: Measurement) -> None:
-        """Raise Tripped if the measurement of `tick` is not finite or beyond a limit."""
-        q, wrench = measurement.joint_position, measurement.wrench
-        finite, force, step = extent(q, q if self._last is None else self._last, wrench)
-        if not finite:
-            raise Tripped(f"tick {tick}: the measurement is not finite: joints {q}, wrench {wrench}")
-        self._check("tip force", tick, force, self._limits.tip_force, "N")
-        self._check("joint velocity", tick, step / self._period, self._limits.joint_velocity, "rad/s")
-        self._last = q
 
-    def _check(self, what: str, tick: int, value: float, limit: float, unit: str) -> None:
+def why_unsafe(tick: int, measurement: Measurement, last_q: Array, period: float, limits: Limits) -> str:
+    """Return why this measurement ends the trial: the limit, the value and the time. Empty if it is within limits."""
+    q, wrench = measurement.joint_position, measurement.wrench
+    finite, force, step = extremes(q, last_q, wrench)
+    if not finite:
+        return f"tick {tick}: the measurement is not finite: joints {q}, wrench {wrench}"
+    for what, value, limit, unit in (
+        ("tip force", force, limits.tip_force, "N"),
+        ("joint velocity", step / period, limits.joint_velocity, "rad/s"),
+    ):
         if value > limit:
-            time = tick * self._period
-            raise Tripped(
-                f"{what} {value:.4g} {unit} at t = {time:.4g} s (tick {tick}) is over the limit of {limit:.4g} {unit}"
-            )
-
-
-@kernel
-def extent(q: Array, last_q: Array, wrench: Array) -> tuple[bool, float, float]:
-    """Return whether all is finite, the norm of the force (N), and the largest change of a joint position (rad)."""
-    force = np.sqrt(wrench[0] ** 2 + wrench[1] ** 2 + wrench[2] ** 2)
-    step = np.max(np.abs(q - last_q))
-    return bool(np.isfinite(step) and np.isfinite(np.sum(wrench)) and np.isfinite(np.sum(q))), force, step
+            at = f"t = {tick * period:.4g} s (tick {tick})"
+            return f"{what} {value:.4g} {unit} at {at} is over the limit of {limit:.4g} {unit}"
+    return ""

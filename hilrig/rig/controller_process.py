@@ -5,19 +5,21 @@ from __future__ import annotations
 import time
 
 from hilrig.core.errors import Tripped
+from hilrig.loop.controller_node import ControllerNode
 from hilrig.recording.messages.layouts import layouts
 from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.bus import Inbox, Outbox
 from hilrig.rig.channels import CONTROLLER, Record
 from hilrig.rig.child import Child, main
 from hilrig.rig.faults import Injector
-from hilrig.rig.nodes import ControllerNode, warm_up_control
+from hilrig.rig.rows import HeardState, controller_rows
+from hilrig.rig.warm_up import warm_up_controller
 
 
 def work(child: Child) -> None:
     """Answer every measurement until the driver says that it was the last."""
     trial = child.read_trial()
-    memory = warm_up_control(trial)
+    memory = warm_up_controller(trial)
     codecs = layouts(trial.driver.robot.joints, len(trial.axes), memory)
     realtime = trial.clock == "realtime"
     states = child.bus.inbox("state", latest_only=realtime)
@@ -26,10 +28,11 @@ def work(child: Child) -> None:
     if injector is not None:
         commands = injector.outbox(commands)
     record = Record(child.record(), codecs, CONTROLLER)
-    half = ControllerNode(trial, codecs, record.batches, record.rows)
+    node, heard = ControllerNode(trial), HeardState(codecs)
+    node.bind(heard.rows, controller_rows(record.batches))
     child.ready(("driver", "logger"), record.rehearse, memory=memory)
     try:
-        answer_all(child, trial.period, half, record, states, commands, injector)
+        answer_all(child, node, heard, record, states, commands, injector)
     except Tripped as trip:
         child.tell("tripped", reason=str(trip))
     finally:
@@ -42,13 +45,13 @@ def work(child: Child) -> None:
 
 
 def answer_all(
-    child: Child, period: float, half: ControllerNode, record: Record, states: Inbox, commands: Outbox,
+    child: Child, node: ControllerNode, heard: HeardState, record: Record, states: Inbox, commands: Outbox,
     injector: Injector | None,
 ) -> None:  # fmt: skip
     """Answer until the last measurement. Raises Tripped."""
     now, put, message = time.monotonic_ns, commands.put, record.batches["command"].message
     note, last = record.stamps.append, record.rows - 1
-    certified, unstamped, resume_monitor = child.settings.certificate, child.settings.unstamped, child.resume_monitor
+    certified, resumed, period = child.settings.certificate, child.resume_monitor, node.trial.period
     while True:
         waiting = now()
         state = states.take()
@@ -59,13 +62,14 @@ def answer_all(
         if injector is not None:
             injector.stall(tick)
             injector.compute(tick)
-        row = half.answer(state)
+        heard.read(state)
+        row = node.answer()
         computed = now()
         command = message(row)
         published = now()
         put(command)
-        if certified and not tick & unstamped:
-            note((tick, tick * period, waiting, received, computed, published, resume_monitor.last))
+        if certified:
+            note((tick, tick * period, waiting, received, computed, published, resumed.last))
         record.wrote(row)
         if row == last:
             record.ship()

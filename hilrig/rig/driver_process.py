@@ -7,8 +7,8 @@ from collections import deque
 from collections.abc import Mapping
 
 from hilrig.core.errors import Stopped
-from hilrig.experiment.trial import Trial
-from hilrig.loop.tick import drive
+from hilrig.loop.driver_node import DriverNode
+from hilrig.loop.ticks import do_ticks
 from hilrig.recording.messages.codec import Codec
 from hilrig.recording.messages.layouts import layouts
 from hilrig.recording.run_directory import trial_directory
@@ -17,7 +17,8 @@ from hilrig.rig.child import Child, main
 from hilrig.rig.clock import PROGRESS, Pacer
 from hilrig.rig.command_receiver import CommandReceiver, Waiting
 from hilrig.rig.faults import Injector
-from hilrig.rig.nodes import DriverNode, warm_up_plant
+from hilrig.rig.rows import HeardCommand, driver_rows
+from hilrig.rig.warm_up import warm_up_driver
 
 UNHEARD = 100
 """Ticks without an answer in real time, after which only every so many measurements are sent: a process that does not
@@ -27,11 +28,10 @@ read fills its socket's buffer with some 250 of them, and then the link makes th
 class BusWire:
     """The driver's end of the bus."""
 
-    def __init__(
-        self, child: Child, trial: Trial, codecs: Mapping[str, Codec], injector: Injector | None
-    ) -> None:  # fmt: skip
-        self._child, self._period, self._injector = child, trial.period, injector
-        self._realtime = trial.clock == "realtime"
+    def __init__(self, child: Child, node: DriverNode, codecs: Mapping[str, Codec], injector: Injector | None) -> None:
+        trial = node.trial
+        self._child, self._node, self._injector = child, node, injector
+        self._period, self._realtime = trial.period, trial.clock == "realtime"
         self._pacer = Pacer(trial.period, self._realtime, trial.rig.spin)
         outbox = child.bus.outbox("state", blocking=not self._realtime)
         self._outbox = outbox if injector is None else injector.outbox(outbox)
@@ -39,11 +39,12 @@ class BusWire:
         self._commands = CommandReceiver(inbox) if self._realtime else Waiting(inbox)
         self._record = Record(child.record(), codecs, DRIVER)
         self._state = self._record.batches["state"]
-        self._certified, self._unstamped = child.settings.certificate, child.settings.unstamped
-        self._continued = child.resume_monitor
-        self.half = DriverNode(trial, codecs, self._record.batches, self._record.rows)
+        self._certified = child.settings.certificate
+        self._resumed = child.resume_monitor
+        self._heard = HeardCommand(codecs)
+        node.bind(driver_rows(self._record.batches), self._heard.acting)
         self._waiting: deque[tuple[int, int, bytes]] = deque()
-        self._held: tuple[int, int, bytes | None] = (-1, 0, None)
+        self._acting, self._received = -1, 0
         self._due = self._woke = self._published = self._applied = 0
         self._next_report = 0
 
@@ -62,32 +63,32 @@ class BusWire:
     def publish(self, tick: int) -> None:
         """Send the state that is on its batch."""
         row = tick % self._record.rows
-        if self._realtime and tick % UNHEARD and tick - self._held[0] > UNHEARD:
+        if self._realtime and tick % UNHEARD and tick - self._acting > UNHEARD:
             self._published = 0
         else:
             message = self._state.message(row)
             self._published = time.monotonic_ns()
             self._outbox.put(message)
         self._record.written["state"] = row + 1
-        if self.half.truthful:
+        if self._node.truthful:
             self._record.written["truth"] = row + 1
         if self._realtime:
             self._note(tick, row)
 
-    def command(self, tick: int, wanted: int) -> bytes | None:
-        """Return the command for this period; in real time the last one is held when the wanted one is late."""
+    def take_command(self, tick: int, wanted: int) -> None:
+        """Put the command for this period into effect; in real time the last one stays when the wanted one is late."""
         self._collect(wanted)
         self._applied = time.monotonic_ns()
         if not self._realtime:
             self._note(tick, tick % self._record.rows)
-        return self._held[2]
 
     def _collect(self, wanted: int) -> None:
-        """Make the newest command that is not newer than `wanted` the held one."""
+        """Put into effect the newest command that is not newer than `wanted`."""
         while True:
             while self._waiting and self._waiting[0][0] <= wanted:
-                self._held = self._waiting.popleft()
-            if self._held[0] >= wanted or self._waiting:
+                self._acting, self._received, message = self._waiting.popleft()
+                self._heard.read(message)
+            if self._acting >= wanted or self._waiting:
                 return
             arrival = self._commands.take()
             if arrival is None:
@@ -99,11 +100,10 @@ class BusWire:
 
     def _note(self, tick: int, row: int) -> None:
         """Note when things happened at this tick; every so many ticks hand the record over."""
-        if self._certified and not tick & self._unstamped:
-            command, received, _ = self._held
+        if self._certified:
             self._record.stamps.append((
-                tick, tick * self._period, self._due, self._woke, self._published, command, received, self._applied,
-                self._continued.last,
+                tick, tick * self._period, self._due, self._woke, self._published, self._acting, self._received,
+                self._applied, self._resumed.last,
             ))  # fmt: skip
         if row == self._record.rows - 1:
             self._record.ship()
@@ -122,23 +122,23 @@ class BusWire:
 def work(child: Child) -> None:
     """Run the trial from the driver's side."""
     trial = child.read_trial()
-    codecs = layouts(trial.driver.robot.joints, len(trial.axes), {})
-    warm_up_plant(trial, codecs)
+    warm_up_driver(trial)
     injector = Injector.of(trial, "driver")
-    wire = BusWire(child, trial, codecs, injector)
+    node = DriverNode(trial)
     try:
+        codecs = layouts(trial.driver.robot.joints, len(trial.axes), {})
+        wire = BusWire(child, node, codecs, injector)
         child.ready(("controller", "logger"), wire.rehearse)
-    except BaseException:
-        wire.half.close()
-        raise
-    try:
-        began = time.monotonic()
-        ending = drive(wire.half, wire)
-        loop_s = time.monotonic() - began
+        try:
+            began = time.monotonic()
+            ending = do_ticks(node, wire)
+            loop_s = time.monotonic() - began
+        finally:
+            wire.end()
+            if injector is not None:
+                injector.end(trial_directory(child.run, trial.id))
     finally:
-        wire.end()
-        if injector is not None:
-            injector.end(trial_directory(child.run, trial.id))
+        node.close()
     child.tell("done", loop_s=loop_s, **ending._asdict())
 
 

@@ -1,125 +1,159 @@
-"""A trial without the bus: both halves and the recorder in one process. The same ticks, the same bits."""
+"""A trial without the bus: both nodes and the recorder in one process. The same ticks, the same bits."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
-from hilrig.core.errors import Stopped
-from hilrig.core.signals import Command, Measurement, Truth
+from hilrig.core.errors import Stopped, Tripped
 from hilrig.experiment.trial import Trial
-from hilrig.loop.compiled.trial import Block, CompiledTrial, can_compile, warm_up
-from hilrig.loop.tick import Answer, ControlSide, Ending, PlantSide, do_ticks, warm_up_control, warm_up_plant
+from hilrig.loop.controller_node import ControllerNode
+from hilrig.loop.driver_node import DriverNode
+from hilrig.loop.ticks import Ending, do_ticks
+from hilrig.loop.whole_trial import TrialRows, WholeTrial
 from hilrig.recording.certificate.durations import Terms
 from hilrig.recording.messages.codec import Codec
 from hilrig.recording.messages.layouts import definitions, layouts
+from hilrig.recording.messages.record_batch import RecordBatch
 from hilrig.recording.recorder import TIMING, Recorder
 from hilrig.recording.run_directory import trial_directory, write_json
 from hilrig.recording.timing import budget_of, summarise
 from hilrig.rig.channels import NAMES, RecordBatches
 from hilrig.rig.clock import PROGRESS, Pacer
-from hilrig.rig.nodes import internals, write
 from hilrig.rig.outcome import Outcome
+from hilrig.rig.rows import FEWEST, HeardCommand, HeardState, controller_rows, driver_rows
+from hilrig.rig.warm_up import warm_up_controller, warm_up_driver
 
 BLOCK = 1024
-"""Ticks of a compiled trial between two looks at the clock and for Ctrl-C"""
+"""Ticks of a whole trial between two looks at the clock and for Ctrl-C"""
 ROWS = 128
 """Ticks that are recorded at a time where each is done by itself"""
+DRIVER, CONTROLLER = ("state", "truth"), ("command", "internals")
+"""The channels of a block, by the node that writes them"""
+
+
+class Caller:
+    """Who asked for the trial: hears of its progress, and may want an end."""
+
+    def __init__(self, report: Callable[[int], None], stop: Callable[[], bool]) -> None:
+        self._report, self._stop = report, stop
+        self._next_report_ns = 0
+
+    def look(self, tick: int, now_ns: int) -> None:
+        """Report that `tick` comes next, if it is time to. Raises Stopped when told to end."""
+        if now_ns > self._next_report_ns:
+            self._next_report_ns = now_ns + PROGRESS
+            self._report(tick)
+            if self._stop():
+                raise Stopped("interrupted")
 
 
 class DirectWire:
-    """Hands the measurement to the controller by a call."""
+    """Hands each measurement to the controller by a call, and records what passes."""
 
-    def __init__(
-        self, trial: Trial, control: ControlSide, recorder: Recorder, codecs: Mapping[str, Codec],
-        report: Callable[[int], None], stop: Callable[[], bool],
-    ) -> None:  # fmt: skip
-        self._trial, self._control, self._recorder = trial, control, recorder
-        self._report, self._stop = report, stop
-        self._pacer = Pacer(trial.period, trial.clock == "realtime", trial.rig.spin)
-        self._commands: dict[int, tuple[Command, int]] = {}
-        self._acting: tuple[Command | None, int] = (None, 0)
-        self._sheets = RecordBatches(codecs, NAMES, ROWS)
-        self._row = 0
+    def __init__(self, driver: DriverNode, codecs: Mapping[str, Codec], recorder: Recorder, caller: Caller) -> None:
+        trial = driver.trial
+        self._driver, self._recorder, self._caller = driver, recorder, caller
+        self._period, self._realtime = trial.period, trial.clock == "realtime"
+        self._pacer = Pacer(trial.period, self._realtime, trial.rig.spin)
+        self._record = RecordBatches(codecs, NAMES, ROWS)
+        batches = self._record.batches
+        self._state, self._command = batches["state"], batches["command"]
+        self._heard_state, self._heard_command = HeardState(codecs), HeardCommand(codecs)
+        driver.bind(driver_rows(batches), self._heard_command.acting)
+        self._controller = ControllerNode(trial)
+        self._controller.bind(self._heard_state.rows, controller_rows(batches))
+        self._commands: dict[int, tuple[bytes, int]] = {}
+        self._acting, self._computed = -1, 0
         self._due = self._woke = self._published = self._applied = 0
-        self._acting_tick = -1
-        self._next_report = 0
-        self.last_answer: Answer
-        self.loop_s = 0.0
-        """s spent in blocks of ticks, without recording them"""
-        self._in_blocks: dict[str, int] = dict.fromkeys(NAMES, 0)
+        self._stamps: dict[str, list[tuple[float, ...]]] = {name: [] for name in TIMING}
 
     def wait(self, tick: int) -> None:
         """Wait for the tick's due time. Raises Stopped when told to."""
         self._due = self._pacer.wait(tick)
         self._woke = time.monotonic_ns()
-        if self._woke > self._next_report:
-            self._next_report = self._woke + PROGRESS
-            self._report(tick)
-            if self._stop():
-                raise Stopped("interrupted")
+        self._caller.look(tick, self._woke)
 
-    def publish(self, tick: int, measurement: Measurement, truth: Truth | None) -> None:
+    def publish(self, tick: int) -> None:
         """Let the controller answer, and record."""
+        row, written = tick % ROWS, self._record.written
         self._published = time.monotonic_ns()
-        self._write("state", tick, measurement)
-        if truth is not None:
-            self._write("truth", tick, truth)
-        self.last_answer = answer = self._control.control(tick, measurement)
+        written["state"] = row + 1
+        if self._driver.truthful:
+            written["truth"] = row + 1
+        self._heard_state.read(self._state.message(row))
+        self._controller.answer()
         computed = time.monotonic_ns()
-        self._commands[tick] = (answer.command, computed)
-        self._write("command", tick, answer.command)
-        self._write("internals", tick, internals(answer))
-        self._write("controller_timing", tick, (self._published, self._published, computed, computed, 0))
-        if self._trial.clock == "realtime":
+        self._commands[tick] = (self._command.message(row), computed)
+        written["command"] = written["internals"] = row + 1
+        time_s = tick * self._period
+        self._stamps["controller_timing"].append(
+            (tick, time_s, self._published, self._published, computed, computed, 0)
+        )
+        if self._realtime:
             self._note(tick)
 
-    def command(self, tick: int, wanted: int) -> Command | None:
-        """Return the command of tick `wanted`: in one process it is never older."""
+    def take_command(self, tick: int, wanted: int) -> None:
+        """Put the command of tick `wanted` into effect: in one process it is never older."""
         if wanted in self._commands:
-            self._acting_tick, self._acting = wanted, self._commands.pop(wanted)
+            message, self._computed = self._commands.pop(wanted)
+            self._acting = wanted
+            self._heard_command.read(message)
         self._applied = time.monotonic_ns()
-        if self._trial.clock == "lockstep":
+        if not self._realtime:
             self._note(tick)
-        return self._acting[0]
 
     def _note(self, tick: int) -> None:
         """Note when things happened at this tick; record when the batches are full."""
-        moments = (self._due, self._woke, self._published, self._acting_tick, self._acting[1], self._applied, 0)
-        self._write("driver_timing", tick, moments)
-        self._row += 1
-        if self._row == ROWS:
-            self.record()
+        self._stamps["driver_timing"].append((
+            tick, tick * self._period, self._due, self._woke, self._published, self._acting, self._computed,
+            self._applied, 0,
+        ))  # fmt: skip
+        if tick % ROWS == ROWS - 1:
+            self._hand_over()
 
-    def _write(self, name: str, tick: int, values: tuple[Any, ...]) -> None:
-        write(self._sheets.batches[name], self._row, tick, self._trial, values)
-        self._sheets.written[name] = self._row + 1
-
-    def record(self, stamps: bool = True) -> None:
-        """Record what is on the batches, with the time stamps or without."""
-        for name, payloads in self._sheets.hand_over():
-            if stamps or name not in TIMING:
-                self._recorder.store(name, payloads.copy())  # the next ticks take their place
-            else:
-                self._sheets.counts[name] = 0
-        self._recorder.write()
-        self._row = 0
-
-    def publish_block(self, block: Block) -> None:
-        """Record a block of ticks."""
-        for name, payloads in block.messages():
-            self._recorder.store(name, payloads)
-            self._in_blocks[name] += payloads.shape[0]
+    def _hand_over(self) -> None:
+        for name, stamps in self._stamps.items():
+            self._record.batches[name].write(stamps)
+            self._record.written[name] = len(stamps)
+            stamps.clear()
+        for name, payloads in self._record.hand_over():
+            self._recorder.store(name, payloads.copy())  # the next ticks take their place
         self._recorder.write()
 
     def end(self) -> None:
         """Record what is left."""
-        self.record()
-        for name, count in self._sheets.counts.items():
-            self._recorder.sent(name, count + self._in_blocks[name])
+        self._hand_over()
+        for name, count in self._record.counts.items():
+            self._recorder.sent(name, count)
+
+
+class BlockRecorder:
+    """Records blocks of ticks. No tick of a block has a time of its own, so there are no stamps."""
+
+    def __init__(self, codecs: Mapping[str, Codec], recorder: Recorder) -> None:
+        self._codecs, self._recorder = codecs, recorder
+        self._counts = dict.fromkeys(NAMES, 0)
+
+    def room(self, ticks: int) -> tuple[dict[str, RecordBatch], TrialRows]:
+        """Return batches for so many ticks, and their rows."""
+        batches = {name: RecordBatch(self._codecs[name], max(ticks, FEWEST)) for name in DRIVER + CONTROLLER}
+        return batches, TrialRows(driver_rows(batches), controller_rows(batches))
+
+    def store(self, batches: Mapping[str, RecordBatch], rows: TrialRows) -> None:
+        """Record what is written in a block."""
+        for names, written in ((DRIVER, rows.driver.written[0]), (CONTROLLER, rows.controller.written[0])):
+            for name in names:
+                self._recorder.store(name, batches[name].payloads[:written])
+                self._counts[name] += int(written)
+        self._recorder.write()
+
+    def end(self) -> None:
+        """Tell how many messages there were."""
+        for name, count in self._counts.items():
+            self._recorder.sent(name, count)
 
 
 def run_in_process(
@@ -128,70 +162,96 @@ def run_in_process(
     report: Callable[[int], None] = lambda tick: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> Outcome:
-    """Run one trial in this process and return its outcome; `report` hears of progress, `stop` is asked."""
-    directory = trial_directory(run, trial.id)
-    warm_up_plant(trial)
-    memory = warm_up_control(trial)
-    if trial.clock == "lockstep":
-        warm_up(trial)
-    codecs = layouts(trial.driver.robot.joints, len(trial.axes), memory)
-    plant, control = PlantSide(trial), ControlSide(trial)
-    began = time.monotonic()
-    terms = Terms(trial.clock, trial.period, trial.actuation_delay)
-    with Recorder(directory, trial.period, definitions(memory)) as recorder:
-        wire = DirectWire(trial, control, recorder, codecs, report, stop)
-        try:
-            ending = _ticks(plant, control, wire)
-        finally:
-            plant.close()
-            wire.end()
-        summary = recorder.summary()
-        timing = summarise(terms, budget_of(trial.timing, terms), recorder.timing())
-        write_json(directory / "timing.json", timing)
-    return Outcome.of(trial, *ending, time.monotonic() - began, summary, wire.loop_s or None)
+    """Run one trial in this process and return its outcome; `report` hears of progress, `stop` is asked.
 
-
-def _ticks(plant: PlantSide, control: ControlSide, wire: DirectWire) -> Ending:
-    """Do all ticks, and tell how they ended: one by one, or in blocks where plant and robot offer kernels."""
-    trial = plant.trial
+    In blocks if the trial is in lockstep and its plant offers kernels, else tick by tick.
+    """
+    directory, caller = trial_directory(run, trial.id), Caller(report, stop)
     if trial.clock == "realtime":
-        return do_ticks(plant, wire, 0, trial.ticks)
-    begun = do_ticks(plant, wire, 0, 1)
-    if begun.outcome != "completed":
-        return begun
-    if not can_compile(plant, control):
-        return do_ticks(plant, wire, 1, trial.ticks)
-    return _blocks(CompiledTrial(plant, control, wire.last_answer), wire)
+        warm_up_driver(trial)
+    driver = DriverNode(trial)
+    try:
+        if trial.clock == "lockstep" and driver.compiled:
+            return _in_blocks(directory, driver, caller)
+        return _tick_by_tick(directory, driver, caller)
+    finally:
+        driver.close()
 
 
-def _blocks(compiled: CompiledTrial, wire: DirectWire) -> Ending:
-    """Do the ticks after the first one in blocks. No tick has a time of its own then, so none is recorded.
+def _tick_by_tick(directory: Path, driver: DriverNode, caller: Caller) -> Outcome:
+    trial = driver.trial
+    memory = warm_up_controller(trial)
+    codecs = layouts(trial.driver.robot.joints, len(trial.axes), memory)
+    began = time.monotonic()
+    with Recorder(directory, trial.period, definitions(memory)) as recorder:
+        wire = DirectWire(driver, codecs, recorder, caller)
+        try:
+            ending = do_ticks(driver, wire)
+        finally:
+            wire.end()
+        return _outcome(directory, trial, ending, recorder, time.monotonic() - began)
+
+
+def _in_blocks(directory: Path, driver: DriverNode, caller: Caller) -> Outcome:
+    trial = driver.trial
+    codecs = layouts(trial.driver.robot.joints, len(trial.axes), {})
+    whole, refused = WholeTrial(driver), None
+    try:
+        memory = whole.start(driver_rows({name: RecordBatch(codecs[name], FEWEST) for name in DRIVER}))
+    except Tripped as trip:
+        memory, refused = {}, Ending("tripped", str(trip), 0)
+    with Recorder(directory, trial.period, definitions(memory)) as recorder:
+        blocks = BlockRecorder(layouts(trial.driver.robot.joints, len(trial.axes), memory), recorder)
+        if refused is None:
+            whole.do(0, blocks.room(0)[1])  # compiles the loop, or loads it, before time counts
+        began, loop_s = time.monotonic(), 0.0
+        try:
+            ending, loop_s = (refused, 0.0) if refused else _do_blocks(whole, blocks, caller, trial)
+        finally:
+            blocks.end()
+        return _outcome(directory, trial, ending, recorder, time.monotonic() - began, loop_s)
+
+
+def _do_blocks(whole: WholeTrial, blocks: BlockRecorder, caller: Caller, trial: Trial) -> tuple[Ending, float]:
+    """Do all ticks; return how they ended, and the time spent in them without recording, s.
 
     While a block is computed, a thread records the one before it; unless the law is in Python, which would have to wait
     for that thread at every turn.
     """
-    wire.record(stamps=False)
-    ending, recorded = None, None
+    ending, loop_s, recorded = None, 0.0, None
     with ThreadPoolExecutor(1) as thread:
         while ending is None:
             try:
-                wire.wait(compiled.tick)
+                caller.look(whole.tick, time.monotonic_ns())
             except Stopped as stop:
-                ending = Ending("aborted", str(stop), compiled.tick)
+                ending = Ending("aborted", str(stop), whole.tick)
                 break
-            before = compiled.recent
+            batches, rows = blocks.room(min(BLOCK, trial.ticks - whole.tick))
             began = time.monotonic()
             try:
-                ending = compiled.do(BLOCK)
+                ending = whole.do(BLOCK, rows)
             finally:
-                wire.loop_s += time.monotonic() - began
-                earlier = recorded
-                if compiled.recent is not before:  # else it was stopped on the threshold
-                    recorded = thread.submit(wire.publish_block, compiled.recent)
-                if earlier is not None:
-                    earlier.result()
-                if compiled.in_python and recorded is not None:
-                    recorded.result()
+                loop_s += time.monotonic() - began
+                earlier, recorded = recorded, thread.submit(blocks.store, batches, rows)
+                _wait_for(earlier)
+                if whole.in_python:
+                    _wait_for(recorded)
+    _wait_for(recorded)
+    return ending, loop_s
+
+
+def _wait_for(recorded: Future[None] | None) -> None:
+    """Wait until a block is recorded. Raises what went wrong with it."""
     if recorded is not None:
         recorded.result()
-    return ending
+
+
+def _outcome(
+    directory: Path, trial: Trial, ending: Ending, recorder: Recorder, wall_s: float, loop_s: float = 0.0
+) -> Outcome:
+    """Write the certificate, and return the outcome."""
+    summary = recorder.summary()
+    terms = Terms(trial.clock, trial.period, trial.actuation_delay)
+    timing = summarise(terms, budget_of(trial.timing, terms), recorder.timing())
+    write_json(directory / "timing.json", timing)
+    return Outcome.of(trial, *ending, wall_s, summary, loop_s or None)

@@ -25,7 +25,7 @@ from hilrig.kinds.delay_bounds import (
     lyapunov_matrix,
     mobility,
 )
-from hilrig.loop.tick import filter_velocity
+from hilrig.loop.control import filter_velocity
 
 gains = st.floats(1.0, 500.0)
 axes = st.integers(1, 4)

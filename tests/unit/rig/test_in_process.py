@@ -18,7 +18,8 @@ from hilrig.experiment.trial import Limits, PhaseSpec, Trial
 from hilrig.kinds.controllers.pd import Pd
 from hilrig.kinds.disturbances.sensor_noise import SensorNoise
 from hilrig.kinds.references.hold import Hold
-from hilrig.loop.compiled.trial import CompiledTrial
+from hilrig.loop.driver_node import DriverNode
+from hilrig.loop.whole_trial import WholeTrial
 from hilrig.recording.bag import read_bag
 from hilrig.recording.recorder import Recorder
 from hilrig.rig import in_process
@@ -82,7 +83,7 @@ def test_blocks_record_what_single_ticks_do(tmp_path: Path, monkeypatch: pytest.
     noise = SensorNoise(force=0.05, joint=2e-5)
     subject = trial(controller=Faulty(), disturbances=(noise,), phases=(phase,), start_position=(0.1, 0.36))
     fast = run_in_process(tmp_path / "fast", subject)
-    monkeypatch.setattr(in_process, "can_compile", lambda plant, control: False)
+    monkeypatch.setattr(DriverNode, "compiled", False)
     slow = run_in_process(tmp_path / "slow", subject)
     one, other = recorded(tmp_path / "fast", subject), recorded(tmp_path / "slow", subject)
     assert (fast.outcome, fast.ticks) == (slow.outcome, slow.ticks) == ("completed", ticks)
@@ -110,7 +111,7 @@ def test_a_law_that_raises_within_a_block_leaves_what_was_done(
 @pytest.mark.parametrize("at", [0, 1, 2, 50, 199])
 def test_who_wants_an_end_gets_it_at_the_next_block(tmp_path: Path, at: int) -> None:
     subject = trial(controller=Pd())
-    looks = [0, *range(1, 200, BLOCK)]
+    looks = range(0, 200, BLOCK)
     came = next((look for look in looks if look >= at), None)
     outcome = run_in_process(tmp_path, subject, *stopping(at))
     if came is None:
@@ -158,21 +159,21 @@ def test_a_trip_at_the_first_tick_is_no_fault_of_the_warm_up(tmp_path: Path) -> 
 
 
 def test_a_signal_between_two_blocks_records_no_block_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    do = CompiledTrial.do
+    do = WholeTrial.do
 
-    def interrupted(self: CompiledTrial, ticks: int) -> Any:
-        if self.tick > BLOCK:
+    def interrupted(self: WholeTrial, ticks: int, rows: Any) -> Any:
+        if self.tick >= BLOCK:
             raise Stopped("terminated")
-        return do(self, ticks)
+        return do(self, ticks, rows)
 
     subject = trial(controller=Pd())
-    monkeypatch.setattr(CompiledTrial, "do", interrupted)
+    monkeypatch.setattr(WholeTrial, "do", interrupted)
     with pytest.raises(Stopped, match="terminated"):
         run_in_process(tmp_path, subject)
-    assert_recorded_once(tmp_path, subject, BLOCK + 1, BLOCK + 1)
+    assert_recorded_once(tmp_path, subject, BLOCK, BLOCK)
 
 
-@pytest.mark.parametrize("at", [1, BLOCK + 1, 5 * BLOCK + 1])
+@pytest.mark.parametrize("at", [0, BLOCK, 5 * BLOCK])
 def test_a_record_that_cannot_be_written_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at: int) -> None:
     """Also if someone wants an end before anybody has asked the thread."""
     store = Recorder.store

@@ -1,1 +1,0 @@
-"""Trials that are compiled as a whole, for `--in-process`."""

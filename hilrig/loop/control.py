@@ -1,0 +1,203 @@
+"""The controller's part of a tick: observe, call the law, limit its torque, record.
+
+Written once, over arrays that are filled in place. Where robot and law offer kernels it is compiled with them, many
+ticks at a call (`whole_trial`) or one at a time (`controller_answers`); where they are plain Python it is interpreted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hilrig.core.compiler import assembled, jitable, kernel, kernel_without_arrays
+from hilrig.core.kernel_interfaces import RobotKernels
+from hilrig.core.signals import WRENCH_AXES, Array, Kinematics, Reference, State
+from hilrig.experiment.trial import Trial, references, start_joint_position
+from hilrig.loop.rows import ControllerRows, StateRows, put
+
+
+class ControllerArrays(NamedTuple):
+    """What surrounds a law during a trial. The arrays change in place."""
+
+    references: Reference
+    """Of all ticks, arrays (N, m)"""
+    period: float
+    """s"""
+    smoothing: float
+    """a of the velocity filter"""
+    k_ref: float
+    """Of eq. (26), N m/rad; 0 for a plant that takes torques"""
+    force_index: NDArray[np.int64]
+    """Where the task axes are in a wrench, (m,)"""
+    torque_limit: Array
+    """(n,) N m"""
+    last_tick: NDArray[np.int64]
+    """(1,): of the measurement before"""
+    position: Array
+    """q as measured last, (n,) rad"""
+    velocity: Array
+    """q', filtered, (n,) rad/s"""
+    torque: Array
+    """Commanded last, after limits, (n,) N m"""
+    seen: State
+    """What the law is given. Made anew at every tick: what a law does to it reaches neither loop nor record"""
+    at: Kinematics
+    """The arrays in `seen` that follow from the kinematics"""
+    wanted: Reference
+    """What the law is told to do, made anew at every tick"""
+    asked: Array
+    """What the law asked for last, before limits, (n,) N m"""
+    asked_size: NDArray[np.int64]
+    """(1,): how many torques it asked for"""
+
+
+# What `assembled` puts in the place of these names.
+robot_kinematics: Callable[[Any, Array, Array, Kinematics], None] = cast(Any, None)
+observe: Callable[..., float] = cast(Any, None)
+law_step: Callable[[Any, Any, State, Reference], Array] = cast(Any, None)
+
+
+def observe_template(
+    tick: int, q: Array, wrench: Array, robot: Any, arrays: ControllerArrays, rows: ControllerRows
+) -> float:
+    """Fill in what the law is given, from joint positions (n,) and wrench (6,), and record it in the next row.
+
+    Returns the time since the last measurement, s.
+    """
+    elapsed = follow(tick, q, wrench, arrays)
+    robot_kinematics(robot, arrays.position, arrays.velocity, arrays.at)
+    # Now, and not with the answer: a law that is a kernel may write into its arguments.
+    note_given(tick, arrays, rows)
+    return elapsed
+
+
+@kernel_without_arrays
+def follow(tick: int, q: Array, wrench: Array, arrays: ControllerArrays) -> float:
+    """Take in a measurement and the reference of its tick; return the time since the measurement before, s."""
+    seen, wanted = arrays.seen, arrays.wanted
+    # In real time a tick can be missed: a difference over two periods is no rate over one.
+    gap = max(tick - arrays.last_tick[0], 1)
+    arrays.last_tick[0] = tick
+    elapsed = gap * arrays.period
+    smoothing = arrays.smoothing if gap == 1 else 1.0 - (1.0 - arrays.smoothing) ** float(gap)
+    filter_velocity(arrays.velocity, q, arrays.position, elapsed, smoothing)
+    put(arrays.position, q)
+    put(seen.joint_position, q)
+    put(seen.joint_velocity, arrays.velocity)
+    put(seen.torque, arrays.torque)
+    for i in range(seen.force.size):
+        seen.force[i] = wrench[arrays.force_index[i]]
+    put(wanted.position, arrays.references.position[tick])
+    put(wanted.velocity, arrays.references.velocity[tick])
+    put(wanted.acceleration, arrays.references.acceleration[tick])
+    put(wanted.force, arrays.references.force[tick])
+    return elapsed
+
+
+@kernel
+def filter_velocity(velocity: Array, q: Array, last_q: Array, period: float, smoothing: float) -> None:
+    """Move q' on by one sample, in place: q' += a ((q - q_prev)/l - q'), a = 1 - exp(-2 pi f_c l)."""
+    for i in range(velocity.size):
+        velocity[i] += smoothing * ((q[i] - last_q[i]) / period - velocity[i])
+
+
+@jitable
+def since(elapsed: float, seen: State) -> State:
+    """Return the state with another elapsed time, s: a number in a tuple cannot be written in place."""
+    return State(
+        seen.joint_position, seen.joint_velocity, seen.position, seen.velocity, seen.jacobian, seen.jacobian_rate,
+        seen.regressor, seen.force, seen.torque, elapsed,
+    )  # fmt: skip
+
+
+@kernel_without_arrays
+def note_given(tick: int, arrays: ControllerArrays, rows: ControllerRows) -> None:
+    """Write what the law is given into the next row."""
+    internals, row = rows.internals, rows.written[0]
+    internals.tick[row] = tick
+    internals.time[row] = tick * arrays.period
+    put(internals.position[row], arrays.seen.position)
+    put(internals.velocity[row], arrays.seen.velocity)
+    put(internals.force[row], arrays.seen.force)
+    put(internals.reference_position[row], arrays.wanted.position)
+    put(internals.reference_velocity[row], arrays.wanted.velocity)
+    put(internals.reference_acceleration[row], arrays.wanted.acceleration)
+    put(internals.reference_force[row], arrays.wanted.force)
+
+
+@kernel_without_arrays
+def answer(tick: int, asked: Array, memory: tuple[Array, ...], arrays: ControllerArrays, rows: ControllerRows) -> bool:
+    """Limit the law's torque; write command and memory into the next row. Returns False if it cannot be commanded."""
+    row = rows.written[0]
+    arrays.asked_size[0] = asked.size
+    if asked.size != arrays.asked.size:
+        return False
+    put(arrays.asked, asked)
+    if not limit(arrays.torque, asked, arrays.torque_limit):
+        return False
+    rows.command.tick[row] = tick
+    rows.command.time[row] = tick * arrays.period
+    for i in range(arrays.torque.size):
+        q, torque = arrays.position[i], arrays.torque[i]
+        rows.command.torque[row, i] = torque
+        rows.command.position[row, i] = q + torque / arrays.k_ref if arrays.k_ref != 0.0 else q
+    column = 0
+    for field in memory:
+        put(rows.internals.memory[row, column:], field)
+        column += field.size
+    rows.written[0] = row + 1
+    return True
+
+
+@kernel
+def limit(torque: Array, asked: Array, largest: Array) -> bool:
+    """Write `asked` (n,) within +- `largest` (n,) N m into `torque`, unless it is not finite; return whether it is."""
+    for i in range(asked.size):
+        if not np.isfinite(asked[i]):
+            return False
+    for i in range(asked.size):
+        torque[i] = min(max(asked[i], -largest[i]), largest[i])
+    return True
+
+
+def controller_template(
+    parameters: Any, memory: Any, fields: tuple[Array, ...], robot: Any, arrays: ControllerArrays,
+    rows: ControllerRows, heard: StateRows,
+) -> Iterator[bool]:  # fmt: skip
+    """Answer the measurement in the first row of `heard` at every turn; yield whether the answer can be commanded.
+
+    Answer after answer is written into the next row, and into the first one again after the last.
+    """
+    row, count = 0, rows.command.tick.size
+    while True:
+        tick = int(heard.tick[0])
+        rows.written[0] = row
+        elapsed = observe(tick, heard.joint_position[0], heard.wrench[0], robot, arrays, rows)
+        asked = law_step(parameters, memory, since(elapsed, arrays.seen), arrays.wanted)
+        yield answer(tick, asked, fields, arrays, rows)
+        row = (row + 1) % count
+
+
+def observing(kernels: RobotKernels) -> Callable[..., float]:
+    """Return `observe_template` with this robot in it."""
+    return assembled(observe_template, makes_arrays=False, robot_kinematics=kernels.kinematics)
+
+
+def controller_arrays(trial: Trial) -> ControllerArrays:
+    """Return what surrounds the law of a trial, before the first measurement."""
+    robot = trial.driver.robot
+    n, m, start = robot.joints, len(trial.axes), start_joint_position(trial)
+    at = Kinematics(*(np.array(part) for part in robot.kinematics(start, np.zeros(n))))
+    seen = State(
+        np.zeros(n), np.zeros(n), at.position, at.velocity, at.jacobian, at.jacobian_rate, at.regressor,
+        np.zeros(m), np.zeros(n), trial.period,
+    )  # fmt: skip
+    force_index = np.array([WRENCH_AXES.index(axis) for axis in robot.axes])
+    return ControllerArrays(
+        references(trial), trial.period, trial.velocity_smoothing, trial.driver.servo_gain or 0.0, force_index,
+        np.array(robot.torque_limits()), np.zeros(1, np.int64), start.copy(), np.zeros(n), np.zeros(n), seen, at,
+        Reference(*(np.zeros(m) for _ in Reference._fields)), np.zeros(n), np.zeros(1, np.int64),
+    )  # fmt: skip

@@ -1,0 +1,93 @@
+"""The driver node's part in a trial: the plant, what disturbs it, its sensors and the safety limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hilrig.core.errors import PluginError, Tripped
+from hilrig.core.interfaces import Plant, TrialStart
+from hilrig.core.signals import Command, Measurement, plant_disturbance
+from hilrig.experiment.trial import Trial, start_joint_position
+from hilrig.loop.measure import DriverArrays, driver_arrays, driver_ticks
+from hilrig.loop.plain_parts import plant_kernels
+from hilrig.loop.rows import DriverRows
+from hilrig.loop.safety import why_unsafe
+
+
+class DriverNode:
+    """Takes hold of the plant when it is made; `close` lets go of it."""
+
+    def __init__(self, trial: Trial) -> None:
+        self.trial = trial
+        self.arrays: DriverArrays = driver_arrays(trial)
+        self.plant: Plant = trial.driver.begin(TrialStart(trial.period, start_joint_position(trial)))
+        self.truthful = False
+        """Whether the plant knows the truth about itself; known from the first measurement on"""
+        self._parts: Iterator[bool] | None = None
+        self._acting: Command | None = None
+        self._begun = self._closed = False
+        try:
+            self.kernels = plant_kernels(self.plant)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the plant offers kernels of its own."""
+        return hasattr(self.plant, "kernels")
+
+    def bind(self, rows: DriverRows, acting: Command) -> None:
+        """Say where the ticks are recorded, and where the command of a tick is found: arrays (n,) that others fill."""
+        self._acting = acting
+        self._parts = driver_ticks(self.kernels, self.trial.ticks, self.arrays, rows, acting)
+
+    def begin(self) -> Command:
+        """Measure for the first time, just before the first tick; return the command that holds the plant."""
+        now = plant_disturbance(self.arrays.schedule, 0)
+        measurement, truth = self.plant.measure(now), self.plant.truth(now)
+        self._check(measurement)
+        for past, value in zip(self.arrays.past, measurement, strict=True):
+            past[:] = value
+        self.arrays.last_position[:] = measurement.joint_position
+        self.truthful = truth is not None
+        self._begun = True
+        return self.plant.hold()
+
+    def measure(self, tick: int) -> None:
+        """Measure at `tick` into the row `tick` modulo their number. Raises Tripped beyond a safety limit."""
+        assert self._parts is not None, "bind() comes first"
+        if not self._begun:
+            assert self._acting is not None
+            for room, value in zip(self._acting, self.begin(), strict=True):
+                room[:] = value
+        if not next(self._parts):
+            raise Tripped(self.why_unsafe(tick))
+
+    def advance(self) -> None:
+        """Let the period that begins at the measured tick pass under the acting command."""
+        assert self._parts is not None, "bind() comes first"
+        next(self._parts)
+
+    def why_unsafe(self, tick: int) -> str:
+        """Return why the measurement of `tick`, the last one, ends the trial."""
+        exact, last, limits = self.arrays.observation.measurement, self.arrays.last_position, self.trial.limits
+        return why_unsafe(tick, exact, last, self.trial.period, limits)
+
+    def _check(self, measurement: Measurement) -> None:
+        """Raise PluginError if the plant does not measure what its robot has."""
+        wanted = self.arrays.observation.measurement
+        for name, value, room in zip(Measurement._fields, measurement, wanted, strict=True):
+            if np.shape(value) != room.shape:
+                raise PluginError(
+                    f"driver {type(self.trial.driver).__name__}: measure returned {name} as an array "
+                    f"{np.shape(value)}; for this robot it is {room.shape}"
+                )
+
+    def close(self) -> None:
+        """Release the plant, once."""
+        if not self._closed:
+            self._closed = True
+            self.plant.close()

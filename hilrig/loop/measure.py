@@ -1,0 +1,153 @@
+"""The driver's part of a tick: measure, check the safety limits, add the sensors' errors, record; then advance.
+
+Written once, over arrays that are filled in place. Where the plant offers kernels it is compiled with them, many ticks
+at a call (`whole_trial`) or one part of a tick at a time (`driver_ticks`); where it is plain Python it is interpreted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from hilrig.core.compiler import assembled, kernel_without_arrays
+from hilrig.core.kernel_interfaces import Observation, PlantKernels
+from hilrig.core.signals import (
+    Array,
+    Command,
+    DisturbanceSchedule,
+    Measurement,
+    PlantDisturbance,
+    Truth,
+    plant_disturbance,
+)
+from hilrig.experiment.trial import Trial, disturbance_schedule
+from hilrig.loop.rows import DriverRows, put
+from hilrig.loop.safety import extremes
+
+
+class DriverArrays(NamedTuple):
+    """What surrounds a plant during a trial. The arrays change in place."""
+
+    schedule: DisturbanceSchedule
+    tip_force_limit: float
+    """N"""
+    joint_velocity_limit: float
+    """rad/s"""
+    period: float
+    """s"""
+    last_position: Array
+    """The plant's joint positions at the tick before, without sensor errors, (n,) rad"""
+    observation: Observation
+    """What the plant says of itself now"""
+    past: Measurement
+    """The last measurements without sensor errors, by tick modulo their number D: arrays (D, n), (D, 6), (D, n)"""
+
+
+# What `assembled` puts in the place of these names.
+plant_observe: Callable[[Any, Array, PlantDisturbance, Observation], float] = cast(Any, None)
+plant_advance: Callable[[Any, Array, PlantDisturbance, Array, Array], None] = cast(Any, None)
+measure: Callable[..., bool] = cast(Any, None)
+
+
+def measure_template(tick: int, plant: Any, state: Array, arrays: DriverArrays, rows: DriverRows) -> bool:
+    """Measure at `tick` and record it in the next row; return whether it is safe to go on."""
+    surface = plant_observe(plant, state, plant_disturbance(arrays.schedule, tick), arrays.observation)
+    return note_measurement(tick, surface, arrays, rows)
+
+
+@kernel_without_arrays
+def note_measurement(tick: int, surface: float, arrays: DriverArrays, rows: DriverRows) -> bool:
+    """Check the observation of `tick` and record it in the next row; return whether it is safe to go on."""
+    exact, row = arrays.observation.measurement, rows.written[0]
+    finite, force, step = extremes(exact.joint_position, arrays.last_position, exact.wrench)
+    if not finite or force > arrays.tip_force_limit or step / arrays.period > arrays.joint_velocity_limit:
+        return False
+    put(arrays.last_position, exact.joint_position)
+    rows.state.tick[row] = rows.truth.tick[row] = tick
+    rows.state.time[row] = rows.truth.time[row] = tick * arrays.period
+    note_state(tick, row, arrays, rows)
+    note_truth(row, surface, arrays.observation.truth, rows)
+    rows.written[0] = row + 1
+    return True
+
+
+@kernel_without_arrays
+def note_state(tick: int, row: int, arrays: DriverArrays, rows: DriverRows) -> None:
+    """Write what the sensors report: the measurement of some ticks ago, with the errors of now."""
+    past, depth = arrays.past, arrays.past.joint_position.shape[0]
+    exact, state, schedule = arrays.observation.measurement, rows.state, arrays.schedule
+    slot = tick % depth
+    put(past.joint_position[slot], exact.joint_position)
+    put(past.wrench[slot], exact.wrench)
+    put(past.applied_torque[slot], exact.applied_torque)
+    # Before the first tick there was no measurement: until then the oldest there is stands for it.
+    slot = (tick - min(int(schedule.measurement_delay[tick]), tick)) % depth
+    for i in range(exact.joint_position.size):
+        state.joint_position[row, i] = past.joint_position[slot, i] + schedule.joint_error[tick, i]
+    for i in range(exact.wrench.size):
+        state.wrench[row, i] = past.wrench[slot, i] + schedule.wrench_error[tick, i]
+    put(state.applied_torque[row], past.applied_torque[slot])
+
+
+@kernel_without_arrays
+def note_truth(row: int, surface: float, exact: Truth, rows: DriverRows) -> None:
+    """Write the plant's true state."""
+    truth = rows.truth
+    put(truth.joint_position[row], exact.joint_position)
+    put(truth.joint_velocity[row], exact.joint_velocity)
+    put(truth.position[row], exact.position)
+    put(truth.velocity[row], exact.velocity)
+    put(truth.wrench[row], exact.wrench)
+    truth.surface_position[row] = surface
+
+
+def driver_template(
+    last: int, plant: Any, state: Array, arrays: DriverArrays, rows: DriverRows, acting: Command
+) -> Iterator[bool]:
+    """Do the ticks from 0 to `last` - 1, in two parts each: measure, then advance under `acting`.
+
+    Yields after each part whether it is safe to go on. Tick k is in row k modulo the number of rows.
+    """
+    count = rows.state.tick.size
+    for tick in range(last):
+        rows.written[0] = tick % count
+        yield measure(tick, plant, state, arrays, rows)
+        plant_advance(plant, state, plant_disturbance(arrays.schedule, tick), acting.torque, acting.position)
+        yield True
+
+
+def measuring(kernels: PlantKernels) -> Callable[..., bool]:
+    """Return `measure_template` with this plant in it."""
+    return assembled(measure_template, makes_arrays=False, plant_observe=kernels.observe)
+
+
+def driver_ticks(
+    kernels: PlantKernels, last: int, arrays: DriverArrays, rows: DriverRows, acting: Command
+) -> Iterator[bool]:
+    """Return `driver_template` at work: one call of `next` for each part of a tick.
+
+    A kernel that yields keeps its arguments: to pass so many arrays at every call costs several times the work itself.
+    """
+    ticks = assembled(driver_template, measure=measuring(kernels), plant_advance=kernels.advance)
+    return ticks(last, kernels.constants, kernels.state, arrays, rows, acting)
+
+
+def driver_arrays(trial: Trial) -> DriverArrays:
+    """Return what surrounds the plant of a trial, before the first measurement."""
+    schedule = disturbance_schedule(trial)
+    n, m, depth = trial.driver.robot.joints, len(trial.axes), int(schedule.measurement_delay.max(initial=0)) + 1
+    measurement = Measurement(np.zeros(n), np.zeros(6), np.zeros(n))
+    truth = Truth(np.zeros(n), np.zeros(n), np.zeros(m), np.zeros(m), np.zeros(6), 0.0)
+    past = Measurement(*(np.zeros((depth, value.size)) for value in measurement))
+    limits = trial.limits
+    return DriverArrays(
+        schedule,
+        limits.tip_force,
+        limits.joint_velocity,
+        trial.period,
+        np.zeros(n),
+        Observation(measurement, truth),
+        past,
+    )

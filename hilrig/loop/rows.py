@@ -1,0 +1,89 @@
+"""What a tick leaves behind: the rows that it fills in place, one array for each field, one row for each tick.
+
+Whoever runs the loop brings the arrays. On the bus they are views of messages that are ready to be sent.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hilrig.core.compiler import kernel_without_arrays
+from hilrig.core.signals import Array
+
+Ticks = NDArray[np.uint64]
+
+
+class StateRows(NamedTuple):
+    """What the sensors report; the fields of State.msg."""
+
+    tick: Ticks
+    time: Array
+    joint_position: Array
+    wrench: Array
+    applied_torque: Array
+
+
+class TruthRows(NamedTuple):
+    """What a simulated plant knows of itself; the fields of Truth.msg."""
+
+    tick: Ticks
+    time: Array
+    joint_position: Array
+    joint_velocity: Array
+    position: Array
+    velocity: Array
+    wrench: Array
+    surface_position: Array
+
+
+class CommandRows(NamedTuple):
+    """What the controller asks of the driver; the fields of Command.msg."""
+
+    tick: Ticks
+    time: Array
+    torque: Array
+    position: Array
+
+
+class InternalsRows(NamedTuple):
+    """What the law was given and what it remembers; the fields of Internals.msg."""
+
+    tick: Ticks
+    time: Array
+    position: Array
+    velocity: Array
+    force: Array
+    reference_position: Array
+    reference_velocity: Array
+    reference_acceleration: Array
+    reference_force: Array
+    memory: Array
+    """All fields of the law's memory, one after the other"""
+
+
+class DriverRows(NamedTuple):
+    """The rows of the driver node."""
+
+    state: StateRows
+    truth: TruthRows
+    written: NDArray[np.int64]
+    """(1,): rows that are complete"""
+
+
+class ControllerRows(NamedTuple):
+    """The rows of the controller node."""
+
+    command: CommandRows
+    internals: InternalsRows
+    written: NDArray[np.int64]
+    """(1,): rows that are complete"""
+
+
+@kernel_without_arrays
+def put(row: Array, values: Array) -> None:
+    """row[:] = values. Element by element, for numba's assignment between arrays costs several times as much."""
+    for i in range(values.size):
+        row[i] = values[i]

@@ -1,0 +1,54 @@
+"""The rows of the loop as views of record batches: what a tick writes is a message that is ready to be sent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hilrig.core.signals import Command
+from hilrig.loop.rows import CommandRows, ControllerRows, DriverRows, InternalsRows, StateRows, TruthRows
+from hilrig.recording.messages.codec import Codec
+from hilrig.recording.messages.record_batch import RecordBatch
+
+FEWEST = 2
+"""Rows of a batch: an array with one row is of another type to numba, and another kernel"""
+
+
+def driver_rows(batches: Mapping[str, RecordBatch]) -> DriverRows:
+    """Return the rows of the batches "state" and "truth"."""
+    state, truth = StateRows(*batches["state"].fields), TruthRows(*batches["truth"].fields)
+    return DriverRows(state, truth, np.zeros(1, dtype=np.int64))
+
+
+def controller_rows(batches: Mapping[str, RecordBatch]) -> ControllerRows:
+    """Return the rows of the batches "command" and "internals"."""
+    own = len(InternalsRows._fields) - 1
+    internals = batches["internals"]
+    rows = InternalsRows(*internals.fields[:own], memory=internals.words(own))
+    return ControllerRows(CommandRows(*batches["command"].fields), rows, np.zeros(1, dtype=np.int64))
+
+
+class HeardState:
+    """The state message that the controller node answers."""
+
+    def __init__(self, codecs: Mapping[str, Codec]) -> None:
+        self._batch = RecordBatch(codecs["state"], FEWEST)
+        self.rows = StateRows(*self._batch.fields)
+
+    def read(self, message: bytes) -> None:
+        """Take in a message. Raises ValueError if it has another length."""
+        self._batch.read(0, message)
+
+
+class HeardCommand:
+    """The command message that acts on the plant."""
+
+    def __init__(self, codecs: Mapping[str, Codec]) -> None:
+        self._batch = RecordBatch(codecs["command"], FEWEST)
+        rows = CommandRows(*self._batch.fields)
+        self.acting = Command(rows.torque[0], rows.position[0])
+
+    def read(self, message: bytes) -> None:
+        """Take in a message. Raises ValueError if it has another length."""
+        self._batch.read(0, message)

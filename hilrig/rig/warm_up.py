@@ -1,0 +1,54 @@
+"""What is loaded or compiled at its first use is used once beside the trial, before time counts."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+
+from hilrig.core.errors import Tripped
+from hilrig.experiment.trial import Trial, start_joint_position
+from hilrig.loop.controller_node import ControllerNode
+from hilrig.loop.driver_node import DriverNode
+from hilrig.recording.messages.layouts import layouts
+from hilrig.recording.messages.record_batch import RecordBatch
+from hilrig.rig.rows import FEWEST, HeardCommand, HeardState, controller_rows, driver_rows
+
+TICKS = 2
+"""At the first one a node starts plant or law"""
+
+
+def warm_up_driver(trial: Trial) -> None:
+    """Do the first ticks of the driver node."""
+    codecs = layouts(trial.driver.robot.joints, len(trial.axes), {})
+    node = DriverNode(trial)
+    try:
+        batches = {name: RecordBatch(codecs[name], FEWEST) for name in ("state", "truth")}
+        node.bind(driver_rows(batches), HeardCommand(codecs).acting)
+        for tick in range(min(TICKS, trial.ticks)):
+            node.measure(tick)
+            node.advance()
+    except Tripped:
+        pass  # the trial will trip in the same way, and report it
+    finally:
+        node.close()
+
+
+def warm_up_controller(trial: Trial) -> dict[str, int]:
+    """Do the first ticks of the controller node; return the length of every field of the law's memory.
+
+    Raises PluginError if the law's memory cannot be recorded.
+    """
+    joints, axes = trial.driver.robot.joints, len(trial.axes)
+    at_rest = (start_joint_position(trial), np.zeros(6), np.zeros(joints))
+    node = ControllerNode(trial)
+    sizes = node.start(0, *at_rest)
+    codecs = layouts(joints, axes, sizes)
+    batches = {name: RecordBatch(codecs[name], FEWEST) for name in ("command", "internals")}
+    heard = HeardState(codecs)
+    node.bind(heard.rows, controller_rows(batches))
+    with suppress(Tripped):  # the trial will trip in the same way, and report it
+        for tick in range(min(TICKS, trial.ticks)):
+            heard.read(codecs["state"].pack((tick, tick * trial.period, *at_rest)))
+            node.answer()
+    return sizes
