@@ -8,7 +8,7 @@ from hilrig.core.errors import Tripped
 from hilrig.recording.messages.layouts import layouts
 from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.bus import Inbox, Outbox
-from hilrig.rig.channels import CONTROLLER, Record
+from hilrig.rig.channels import CONTROLLER_CHANNELS, RecordSender
 from hilrig.rig.child import Child, main
 from hilrig.rig.faults import Injector
 from hilrig.rig.nodes import ControllerNode, warm_up_control
@@ -25,7 +25,7 @@ def work(child: Child) -> None:
     injector = Injector.of(trial, "controller")
     if injector is not None:
         commands = injector.outbox(commands)
-    record = Record(child.record(), codecs, CONTROLLER)
+    record = RecordSender(child.record(), codecs, CONTROLLER_CHANNELS)
     half = ControllerNode(trial, codecs, record.batches, record.rows)
     child.ready(("driver", "logger"), record.rehearse, memory=memory)
     try:
@@ -42,7 +42,7 @@ def work(child: Child) -> None:
 
 
 def answer_all(
-    child: Child, period: float, half: ControllerNode, record: Record, states: Inbox, commands: Outbox,
+    child: Child, period: float, half: ControllerNode, record: RecordSender, states: Inbox, commands: Outbox,
     injector: Injector | None,
 ) -> None:  # fmt: skip
     """Answer until the last measurement. Raises Tripped."""

@@ -18,7 +18,7 @@ from hilrig.recording.messages.codec import Codec
 from hilrig.recording.messages.layouts import definitions, layouts
 from hilrig.recording.recorder import TIMING, Recorder
 from hilrig.recording.run_directory import trial_directory, write_json
-from hilrig.recording.timing import budget_of, summarise
+from hilrig.recording.timing import certify
 from hilrig.rig.channels import NAMES, RecordBatches
 from hilrig.rig.clock import PROGRESS, Pacer
 from hilrig.rig.nodes import internals, write
@@ -146,7 +146,7 @@ def run_in_process(
             plant.close()
             wire.end()
         summary = recorder.summary()
-        timing = summarise(terms, budget_of(trial.timing, terms), recorder.timing())
+        timing = certify(terms, trial.timing, recorder.timing())
         write_json(directory / "timing.json", timing)
     return Outcome.of(trial, *ending, time.monotonic() - began, summary, wire.loop_s or None)
 
