@@ -16,7 +16,7 @@ from hilrig.experiment.plan import plan
 from hilrig.experiment.trial import Trial
 from hilrig.recording.bag import read_bag
 from hilrig.recording.certificate.attribution import attribute
-from hilrig.recording.certificate.processes import CULPRITS as PROCESSES
+from hilrig.recording.certificate.causes import CAUSES as PROCESSES
 from hilrig.recording.certificate.table import join
 from hilrig.recording.fault_log import read_faults
 from hilrig.recording.recorder import TIMING

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hilrig.core.signals import Array
+if TYPE_CHECKING:  # the signals load numba; what only reads settings does without
+    from hilrig.core.signals import Array
 
 
 @dataclass(frozen=True)

@@ -5,5 +5,5 @@ from .model import Experiment as Experiment
 from .model import ImpedanceSpec as ImpedanceSpec
 from .model import Phase as Phase
 from .model import Task as Task
+from .timing_budget import TimingBudget as TimingBudget
 from .trial import Limits as Limits
-from .trial import TimingBudget as TimingBudget

@@ -26,6 +26,7 @@ from hilrig.core.interfaces import (
 from hilrig.core.parameters import Parameter  # fmt: skip
 from hilrig.core.signals import Array, DisturbanceSchedule, Reference, State
 from hilrig.experiment.rig_settings import RigSettings
+from hilrig.experiment.timing_budget import TimingBudget
 from hilrig.kinds.registry import dump, restore
 
 ALL_PHASES = "all"
@@ -86,28 +87,6 @@ class Limits:
 
     tip_force: Annotated[float, Parameter("N", "largest force at the tip", 1e-3, 1e5)] = 200.0
     joint_velocity: Annotated[float, Parameter("rad/s", "largest joint velocity", 1e-3, 1e3)] = 20.0
-
-
-AGE_MARGIN = 0.25
-"""Periods beyond the actuation delay that the age of a command may have, unless the experiment says otherwise"""
-
-
-@dataclass(frozen=True)
-class TimingBudget:
-    """What the loop may take in real time; a trial outside of it is invalid and is not compared."""
-
-    late_fraction: Annotated[float, Parameter("", "largest share of late ticks", 0.0, 1.0)] = 0.005
-    command_age_p99: Annotated[
-        float | None,
-        Parameter(
-            "s", "largest 99th percentile of the age of the command in effect; default: actuation delay + 1/4 period",
-            1e-5, 1e3, "log",
-        ),
-    ] = None  # fmt: skip
-
-    def command_age_limit(self, period: float, actuation_delay: int) -> float:
-        """Return the limit on the age of the command in effect, s: as given, or (d + 1/4) l."""
-        return (actuation_delay + AGE_MARGIN) * period if self.command_age_p99 is None else self.command_age_p99
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Reads a trial's recording: an MCAP file of ROS 2 messages, as they came off the bus."""
+"""Reads a trial's recording: an MCAP file of ROS 2 messages."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mcap.records import Channel as McapChannel
 from mcap.records import Chunk, Schema
 
 from hilrig.core.errors import RunDirectoryError
-from hilrig.recording.messages.codec import Codec, Definition, parse, sizes_in
+from hilrig.recording.messages.codec import Codec, Definition, parse_definition, sizes_in
 
 MAGIC = b"\x89MCAP0\r\n"
 _RECORD_HEAD = struct.Struct("<BQ")
@@ -30,21 +30,24 @@ _MESSAGE_HEAD = 22
 def read_bag(path: Path, topics: Iterable[str] | None = None) -> dict[str, dict[str, np.ndarray]]:
     """Return every field of every message: channel -> field -> array, (N,) or (N, k), in order of recording.
 
-    `topics` selects channels (default all). A bag that was cut off by a crash gives all that reached the disk.
-    Raises RunDirectoryError if it is no bag.
+    `topics` selects channels (default all). Of a bag that was cut off by a crash, everything that reached the disk is
+    returned. Raises RunDirectoryError if the file is not a bag, or if its messages are not laid out as they should be.
     """
     wanted = None if topics is None else {topic.strip("/") for topic in topics}
     payloads: dict[str, list[bytes]] = defaultdict(list)
     definitions: dict[str, Definition] = {}
-    for name, schema, payload in _messages(path, wanted):
-        if name not in definitions:
-            definitions[name] = parse(schema.name.rsplit("/", 1)[1], schema.data.decode())
-        payloads[name].append(payload)
-    return {name: _columns(definitions[name], payloads[name]) for name in payloads}
+    try:
+        for name, schema, payload in _messages(path, wanted):
+            if name not in definitions:
+                definitions[name] = parse_definition(schema.name.rsplit("/", 1)[-1], schema.data.decode())
+            payloads[name].append(payload)
+        return {name: _columns(definitions[name], payloads[name]) for name in payloads}
+    except ValueError as error:
+        raise RunDirectoryError(f"{path}: {error}") from error
 
 
 def _messages(path: Path, wanted: set[str] | None) -> Iterator[tuple[str, Schema, bytes]]:
-    """Yield (channel, schema, payload) of every message, as far as the file is whole."""
+    """Yield (channel, schema, payload) of every message, up to where the file is cut."""
     if not path.is_file():
         raise RunDirectoryError(f"{path}: there is no such bag")
     schemas: dict[int, Schema] = {}
@@ -68,7 +71,7 @@ def _messages(path: Path, wanted: set[str] | None) -> Iterator[tuple[str, Schema
 def _records(file: IO[bytes], path: Path) -> Iterator[tuple[int, bytes]]:
     """Yield opcode and content of every record in the chunks.
 
-    mcap's own readers make objects of all records, those of the index too: five times slower.
+    mcap's own readers make objects of all records, of the indexes too, and are five times slower.
     """
     for chunk in _chunks(file, path):
         offset = 0
@@ -80,7 +83,7 @@ def _records(file: IO[bytes], path: Path) -> Iterator[tuple[int, bytes]]:
 
 
 def is_whole(path: Path) -> bool:
-    """Return whether there is a bag at `path` that its writer finished: it ends as it begins."""
+    """Return whether there is a bag at `path` and its writer finished it: a finished one ends with MAGIC."""
     if not path.is_file() or path.stat().st_size < len(MAGIC):
         return False
     with path.open("rb") as file:
@@ -89,9 +92,9 @@ def is_whole(path: Path) -> bool:
 
 
 def _chunks(file: IO[bytes], path: Path) -> Iterator[bytes]:
-    """Yield every whole chunk, decompressed. Where the writer was killed the end is missing: that is no error."""
+    """Yield every whole chunk, decompressed. A missing end, where the writer was killed, is no error."""
     if not MAGIC.startswith(file.read(len(MAGIC))):
-        raise RunDirectoryError(f"{path}: not a readable MCAP file (it does not begin like one)")
+        raise RunDirectoryError(f"{path}: not an MCAP file: it does not begin like one")
     while len(head := file.read(_RECORD_HEAD.size)) == _RECORD_HEAD.size:
         opcode, size = _RECORD_HEAD.unpack(head)
         if opcode == Opcode.DATA_END:

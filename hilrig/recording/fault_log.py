@@ -1,4 +1,4 @@
-"""faults.json: the faults that were injected into a trial, as the processes that did it saw them."""
+"""faults.json: the faults that were injected into a trial, as logged by the processes that injected them."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ class InjectedFault(NamedTuple):
     begin: int
     """CLOCK_MONOTONIC, ns"""
     end: int
-    """CLOCK_MONOTONIC, ns; of a lost message its beginning"""
+    """CLOCK_MONOTONIC, ns; equal to `begin` for a lost message"""
 
 
 def add_faults(directory: Path, faults: Iterable[InjectedFault]) -> None:
-    """Add faults to the log in a trial's directory. Several processes may do so at the same time."""
+    """Add faults to the log in a trial's directory. Several processes may do this at the same time."""
     folder = os.open(directory, os.O_RDONLY)
     try:
         fcntl.flock(folder, fcntl.LOCK_EX)
-        together = sorted([*read_faults(directory), *faults])
-        write_json(directory / "faults.json", [fault._asdict() for fault in together])
+        all_faults = sorted([*read_faults(directory), *faults])
+        write_json(directory / "faults.json", [fault._asdict() for fault in all_faults])
     finally:
         os.close(folder)
 

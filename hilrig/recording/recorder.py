@@ -1,4 +1,4 @@
-"""Stores a trial's messages and keeps account: what was sent, what was stored, what is missing."""
+"""Stores a trial's messages and counts them: how many were sent, how many stored, and which are missing."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hilrig.recording.bag_writer import BagWriter
-from hilrig.recording.messages.codec import Codec, Definition
+from hilrig.recording.messages.codec import TICK, Codec, Definition
 
 CHUNK_SIZE = 128 * 1024
-"""Bytes of a chunk at least, a tenth of a second at 1 ms: what a crash may lose, and what came with it"""
+"""Least bytes of a chunk, about a tenth of a second at 1 ms: a crash loses the chunk that is not written yet"""
 MOST_GAPS = 20
-"""Gaps listed per channel; all of them are counted."""
+"""Gaps listed for each channel; all of them are counted."""
 TIMING = ("driver_timing", "controller_timing")
+"""The channels of time stamps"""
 
 
 class Account:
-    """What is known of one channel."""
+    """The messages of one channel: how many were sent and stored, and which ticks are missing."""
 
     def __init__(self) -> None:
         self.stored = 0
@@ -31,7 +32,7 @@ class Account:
         self._next = 0
 
     def note(self, ticks: NDArray[np.int64]) -> None:
-        """Count stored messages of these ticks, (N,) in rising order, and any ticks missing before or between them."""
+        """Count stored messages of these ticks, (N,) rising, and the gaps before and between them."""
         before = np.concatenate([[self._next], ticks[:-1] + 1])
         missing = np.flatnonzero(ticks > before)
         self.gap_count += missing.size
@@ -41,7 +42,7 @@ class Account:
         self.stored += ticks.size
 
     def summary(self) -> dict[str, Any]:
-        """Return sent, stored, lost (None where the sender never said) and the gaps, [first, last] tick each."""
+        """Return sent, stored, lost (None if the sender never gave its count) and the gaps, [first, last] tick each."""
         lost = None if self.sent is None else self.sent - self.stored
         return {
             "sent": self.sent, "stored": self.stored, "lost": lost, "gap_count": self.gap_count, "gaps": self.gaps,
@@ -63,19 +64,18 @@ class Recorder:
             self._bag.add_channel(name, definition)
 
     def store(self, name: str, payloads: NDArray[np.uint8]) -> None:
-        """Record the messages of some ticks, (N, bytes), in rising order; they must not change until `write`."""
+        """Record messages (N, bytes) in the order of their ticks; they must not change until `write`."""
         if payloads.shape[0]:
             self._pending.setdefault(name, []).append(payloads)
             self._size += payloads.size
 
     def write(self, least: int = CHUNK_SIZE) -> None:
-        """Write what has been stored to the disk if it is `least` bytes; many at a time cost less each."""
+        """Write what has been stored to the disk, if it is at least so many bytes: many at a time cost less each."""
         if self._size < least:
             return
         for name, parts in self._pending.items():
             payloads = np.concatenate(parts)
-            # The first field of every message of a trial is its tick.
-            ticks = np.ascontiguousarray(payloads[:, 4:12]).view(np.int64)[:, 0]
+            ticks = np.ascontiguousarray(payloads[:, TICK]).view(np.int64)[:, 0]
             self._accounts[name].note(ticks)
             self._bag.write(name, payloads, ticks, self._period)
             if name in self._timing:
@@ -84,7 +84,7 @@ class Recorder:
         self._bag.end_chunk()
 
     def sent(self, name: str, count: int) -> None:
-        """Note how many messages the sender says it sent."""
+        """Note how many messages the sender has sent."""
         self._accounts[name].sent = count
 
     def timing(self) -> dict[str, dict[str, NDArray[Any]]]:
@@ -97,7 +97,7 @@ class Recorder:
         return codec.table(np.concatenate([np.zeros((0, codec.size), np.uint8), *parts]))
 
     def summary(self) -> dict[str, dict[str, Any]]:
-        """Return the account of every channel."""
+        """Return the counts of every channel (`Account.summary`)."""
         self.write(0)
         return {name: account.summary() for name, account in self._accounts.items()}
 

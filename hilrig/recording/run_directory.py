@@ -1,4 +1,4 @@
-"""The run directory: what it holds, and how it is written and read."""
+"""The run directory: what it holds, and how to write and read it."""
 
 from __future__ import annotations
 
@@ -10,21 +10,23 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hilrig.core.errors import RunDirectoryError
-from hilrig.experiment.trial import Trial
 from hilrig.recording.bag import is_whole
 
+if TYPE_CHECKING:
+    from hilrig.experiment.trial import Trial
+
 DAMAGED = "damaged"
-"""Outcome of a trial that completed, and whose bag has been cut or is gone since"""
+"""Outcome of a trial that completed, but whose bag has since been cut or removed"""
 INVALID = "invalid"
-"""How a trial in real time counts that came to its end outside its timing budget"""
+"""How a trial in real time counts that ended outside its timing budget"""
 PARTS = ("experiment.yaml", "manifest.json", "plan.json", "trials")
 
 
 def create_run(out: Path, name: str, experiment: bytes, plan: Mapping[str, Any]) -> Path:
-    """Make a new run directory below `out`: <utc>-<name>, with the experiment byte for byte and the plan."""
+    """Make a new run directory below `out`, <utc>-<name>, with the plan and an exact copy of the experiment file."""
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
     run = _new_directory(out / f"{stamp}-{name}")
     (run / "trials").mkdir()
@@ -34,7 +36,7 @@ def create_run(out: Path, name: str, experiment: bytes, plan: Mapping[str, Any])
 
 
 def _new_directory(path: Path) -> Path:
-    """Make and return `path`, or with -2, -3 ... behind it if several runs begin within a second."""
+    """Make and return `path`, with -2, -3 ... appended if several runs begin within a second."""
     for number in itertools.count(1):
         candidate = path if number == 1 else path.with_name(f"{path.name}-{number}")
         with suppress(FileExistsError):
@@ -44,38 +46,38 @@ def _new_directory(path: Path) -> Path:
 
 
 def make_directory(path: Path) -> None:
-    """Make a directory that was not there. Raises FileExistsError, or RunDirectoryError naming what forbids it."""
+    """Make a directory that is not there yet. Raises FileExistsError, or RunDirectoryError with the reason."""
     try:
         path.mkdir(parents=True)
     except FileExistsError:
         if not path.is_dir():
-            raise RunDirectoryError(f"{path}: cannot be made a directory: there is a file of that name") from None
+            raise RunDirectoryError(f"{path}: cannot make this directory: there is a file of that name") from None
         raise
     except OSError as error:
-        raise RunDirectoryError(f"{path}: cannot be made: {error.strerror}") from error
+        raise RunDirectoryError(f"{path}: cannot make this directory: {error.strerror}") from error
 
 
 def trial_path(run: Path, trial: str) -> Path:
-    """Return where one trial's files are."""
+    """Return where the files of one trial are."""
     return run / "trials" / trial
 
 
 def trial_directory(run: Path, trial: str) -> Path:
-    """Return the directory of one trial, made if need be."""
+    """Return the directory of one trial; make it if it is not there."""
     directory = trial_path(run, trial)
     (directory / "logs").mkdir(parents=True, exist_ok=True)
     return directory
 
 
 def write_json(path: Path, document: Any) -> None:
-    """Write a document so that a crash leaves the old file or the new one, never half of one."""
+    """Write a document. A crash leaves the old file or the new one, never half of one."""
     partial = path.with_name(f".{path.name}.part")
     partial.write_text(to_json(document) + "\n", encoding="utf-8")
     os.replace(partial, path)
 
 
 def to_json(document: Any) -> str:
-    """Return a document as JSON, with null for what JSON has no number for: infinities and NaN."""
+    """Return a document as JSON, with null for infinities and NaN, which JSON does not have."""
     return json.dumps(_finite(document), indent=2, allow_nan=False)
 
 
@@ -88,7 +90,7 @@ def _finite(value: Any) -> Any:
 
 
 def read_json(path: Path) -> Any:
-    """Return the document in `path`. Raises RunDirectoryError if there is none or it is broken."""
+    """Return the document in `path`. Raises RunDirectoryError if there is no such file, or if it is not JSON."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -103,7 +105,7 @@ def read_plan(run: Path) -> dict[str, Any]:
 
 
 def read_manifest(run: Path) -> dict[str, Any]:
-    """Return what a run says of itself and where it comes from. Raises RunDirectoryError."""
+    """Return a run's manifest: its name, its settings, and where it comes from. Raises RunDirectoryError."""
     return _document(run / "manifest.json", ("name", "question", "command", "clock", "seed", "commit"))
 
 
@@ -111,17 +113,17 @@ def _document(path: Path, needed: tuple[str, ...]) -> dict[str, Any]:
     document = read_json(path)
     missing = [key for key in needed if not isinstance(document, dict) or key not in document]
     if missing:
-        raise RunDirectoryError(f"{path}: damaged, it has no {', '.join(missing)}")
+        raise RunDirectoryError(f"{path}: damaged: it lacks {', '.join(missing)}")
     return document
 
 
 def find_run(path: Path) -> Path:
-    """Return `path` if it is a run directory. Raises RunDirectoryError naming what it lacks."""
+    """Return `path` if it is a run directory. Raises RunDirectoryError, with what it lacks."""
     if not path.is_dir():
         raise RunDirectoryError(f"{path}: there is no such directory")
     lacking = [part for part in PARTS if not (path / part).exists()]
     if lacking:
-        raise RunDirectoryError(f"{path}: not a run directory, it has no {', '.join(lacking)}")
+        raise RunDirectoryError(f"{path}: not a run directory: it lacks {', '.join(lacking)}")
     return path
 
 
@@ -134,23 +136,25 @@ def list_runs(out: Path) -> list[Path]:
 
 def read_trial(run: Path, trial: str) -> Trial:
     """Return one trial of the plan. Raises RunDirectoryError if it has no such trial."""
+    from hilrig.experiment.trial import Trial  # loads all kinds and numba, which no other reader of a run needs
+
     return Trial.from_document(read_trial_document(run, trial))
 
 
 def read_trial_document(run: Path, trial: str) -> Mapping[str, Any]:
-    """Return what the plan says of one trial. Raises RunDirectoryError if it has no such trial."""
+    """Return one trial's document in the plan. Raises RunDirectoryError if the plan has no such trial."""
     documents: Sequence[Mapping[str, Any]] = read_plan(run)["trials"]
     for document in documents:
         if document["id"] == trial:
             return document
-    raise RunDirectoryError(f"{run}: its plan has no trial '{trial}'")
+    raise RunDirectoryError(f"{run}: the plan has no trial '{trial}'")
 
 
 def read_outcome(run: Path, trial: str) -> dict[str, Any]:
-    """Return the outcome of one trial; where the run left none: "aborted" if it was begun, else "not run".
+    """Return the outcome of one trial; if the run left none, "aborted" if the trial was begun, else "not run".
 
-    A trial that completed is "damaged" if its bag is not whole any more. `invalid_because` says why the trial is
-    outside its timing budget, by its timing.json; it is empty if it is within, or had none to keep.
+    A trial that completed is "damaged" if its bag is no longer whole. `invalid_because` says why the trial is outside
+    its timing budget, by its timing.json; it is empty if it is within, or had none to keep.
     """
     outcome = _outcome(run, trial)
     timing = trial_path(run, trial) / "timing.json"
@@ -159,17 +163,17 @@ def read_outcome(run: Path, trial: str) -> dict[str, Any]:
 
 
 def ending(outcome: Mapping[str, Any]) -> str:
-    """Return how a trial ended, from what `read_outcome` says: "invalid" if it is outside its timing budget.
+    """Return how a trial ended, from its outcome as `read_outcome` returns it: "invalid" if outside its timing budget.
 
-    That is said of trials that completed or tripped: a loop that did not keep its period proves nothing by either. What
-    failed or was aborted stays that.
+    Only trials that completed or tripped become invalid: neither proves anything if the loop did not keep its period.
+    A trial that failed or was aborted stays so.
     """
     counts = outcome["outcome"] in ("completed", "tripped")
     return INVALID if counts and outcome.get("invalid_because") else outcome["outcome"]
 
 
 def reason(outcome: Mapping[str, Any]) -> str:
-    """Return why a trial ended as `ending` says, in one line; empty if it completed."""
+    """Return why a trial ended as `ending` says, in one line; empty if it completed and is valid."""
     if ending(outcome) != INVALID:
         return outcome.get("reason", "")
     before = f"{outcome['outcome']}: {outcome['reason']}; " if outcome.get("reason") else ""
@@ -177,12 +181,12 @@ def reason(outcome: Mapping[str, Any]) -> str:
 
 
 def _outcome(run: Path, trial: str) -> dict[str, Any]:
-    """Return the outcome, whatever the trial's timing was."""
+    """Return the outcome, without regard to the trial's timing."""
     folder = trial_path(run, trial)
     if (folder / "outcome.json").is_file():
         outcome = read_json(folder / "outcome.json")
         whole = outcome["outcome"] != "completed" or is_whole(folder / "bag.mcap")
-        damage = {"outcome": DAMAGED, "reason": "it completed, but bag.mcap has been cut or is gone since"}
+        damage = {"outcome": DAMAGED, "reason": "it completed, but its bag.mcap has since been cut or removed"}
         return outcome if whole else {**outcome, **damage}
     begun = folder.is_dir()
     reason = f"the run ended before this trial {'did' if begun else 'began'}"
@@ -192,6 +196,6 @@ def _outcome(run: Path, trial: str) -> dict[str, Any]:
 
 
 def messages_lost(outcome: Mapping[str, Any]) -> int | None:
-    """Return how many messages of a trial were sent but not stored; None where that is not known."""
+    """Return how many messages of a trial were sent but not stored; None if that is not known."""
     lost = [account["lost"] for account in outcome["channels"].values()]
     return None if None in lost or not lost else sum(lost)

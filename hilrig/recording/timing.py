@@ -1,4 +1,4 @@
-"""From the stamps of a trial to what its timing was: timing.json."""
+"""The timing certificate of a trial as it stands in timing.json, made from the trial's time stamps."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from hilrig.experiment.trial import TimingBudget
+from hilrig.experiment.timing_budget import TimingBudget
 from hilrig.recording.certificate.attribution import attribute
-from hilrig.recording.certificate.budget import Budget, broken
+from hilrig.recording.certificate.budget import violations
 from hilrig.recording.certificate.durations import Terms, durations
 from hilrig.recording.certificate.histogram import histogram, quantiles
 from hilrig.recording.certificate.table import Columns, join
@@ -17,49 +17,47 @@ from hilrig.recording.certificate.table import Columns, join
 Setup = Mapping[str, Mapping[str, Mapping[str, Any]]]
 """process -> setting -> {"wanted", "applied", "reason"}"""
 
-QUANTITIES = ("lateness", "state_transport", "compute", "command_transport", "command_age", "round_trip")
+DURATIONS = ("lateness", "state_transport", "compute", "command_transport", "command_age", "round_trip")
 """In the order of timing.json"""
 
 
 def terms_of(document: Mapping[str, Any]) -> Terms:
-    """Return what the loop of a trial was to do, from its document in the plan."""
+    """Return what the loop of a trial is asked to do, from the trial's document in the plan."""
     return Terms(document.get("clock", "lockstep"), document["period"], document.get("actuation_delay", 1))
 
 
-def budget_of(timing: TimingBudget, terms: Terms) -> Budget:
-    """Return what the loop of a trial may take."""
-    return Budget(timing.late_fraction, timing.command_age_limit(terms.period, terms.actuation_delay))
-
-
-def summarise(
+def certify(
     terms: Terms,
-    budget: Budget,
+    budget: TimingBudget,
     channels: Mapping[str, Columns],
     setup: Setup | None = None,
     one_clock: bool = True,
 ) -> dict[str, Any]:
     """Return the certificate of a trial as plain data, from "driver_timing" and "controller_timing".
 
-    A channel may be missing or empty. late_by: late ticks by who caused them. <quantity>_us: p50, p99, p99.9 and max in
-    microseconds; null where nothing is known. histograms: [lower edge in ns, count] of every bin that is not empty
-    (`certificate/histogram.py`). valid: whether a trial in real time kept its budget, with invalid_because; null in
-    lockstep, where there is none to keep.
+    A channel may be missing or empty. late_by: late ticks by cause. <duration>_us: p50, p99, p99.9 and max in
+    microseconds; null if it is not known. histograms: [lower edge in ns, count] of every bin that is not empty
+    (`certificate/histogram.py`). budget: the limits that applied. valid: whether a trial in real time kept its budget,
+    with invalid_because; null in lockstep, which has no budget.
     """
     table = join(channels.get("driver_timing"), channels.get("controller_timing"), one_clock)
     found = attribute(table, terms)
     ticks, late = found.late.size, int(np.count_nonzero(found.late))
     values = {name: values for name, values in durations(table, terms).items() if values is not None}
-    reasons = broken(budget, ticks, late, values["command_age"]) if terms.realtime else []
+    reasons = violations(budget, terms, ticks, late, values["command_age"]) if terms.realtime else []
     return {
         "clock": terms.clock,
         "ticks": ticks,
         "late": late,
         "late_fraction": late / ticks if ticks else 0.0,
         "late_by": found.counts(),
-        **{f"{name}_us": quantiles(values[name]) if name in values else None for name in QUANTITIES},
-        "histograms": {name: histogram(values[name]) for name in QUANTITIES if name in values and values[name].size},
+        **{f"{name}_us": quantiles(values[name]) if name in values else None for name in DURATIONS},
+        "histograms": {name: histogram(values[name]) for name in DURATIONS if name in values and values[name].size},
         "setup": {process: dict(settings) for process, settings in (setup or {}).items()},
-        "budget": budget._asdict(),
+        "budget": {
+            "late_fraction": budget.late_fraction,
+            "command_age_p99": budget.command_age_limit(terms.period, terms.actuation_delay),
+        },
         "valid": not reasons if terms.realtime else None,
         "invalid_because": reasons,
         "one_clock": one_clock,

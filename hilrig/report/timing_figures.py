@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from hilrig.recording.certificate.attribution import Attribution
+from hilrig.recording.certificate.causes import CAUSES
 from hilrig.recording.certificate.histogram import tail
-from hilrig.recording.certificate.processes import CULPRITS
 from hilrig.recording.certificate.table import Table
 from hilrig.report.curves import thin
 from hilrig.report.dataset import TrialEntry
@@ -20,7 +20,7 @@ from hilrig.report.legend import legend_of
 from hilrig.report.panels import LEFT, RIGHT, TOP, Picture, canvas, name_curves
 from hilrig.report.style import MUTED, RC, TWO_COLUMNS, Style, styles
 
-COLOURS = dict(zip(CULPRITS, ("#0072B2", "#E69F00", "#D55E00", "#8A8A8A"), strict=True))
+COLOURS = dict(zip(CAUSES, ("#0072B2", "#E69F00", "#D55E00", "#8A8A8A"), strict=True))
 """Of late ticks by cause"""
 LEAST = 0.1
 """us: what a logarithmic axis shows of less"""

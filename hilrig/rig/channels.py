@@ -1,8 +1,8 @@
 """How a trial's messages reach the logger.
 
-State and command are what the loop waits for: each goes out alone, at once, to the one process that needs it. For the
-record every sender keeps its messages in batches, one row a tick, and hands many to the logger at a time: a message
-of its own for each would wake the logger six times a tick and cost the loop more than the control law.
+The loop waits for state and command: each is sent alone, at once, to the one process that needs it. For the record, a
+sender keeps its messages in record batches, one row a tick, and sends the logger many ticks in one packet. Sent one by
+one, they would wake the logger six times a tick and cost the loop more than the control law.
 """
 
 from __future__ import annotations
@@ -18,36 +18,36 @@ from hilrig.recording.messages.codec import Codec
 from hilrig.recording.messages.layouts import CHANNELS
 from hilrig.recording.messages.record_batch import RecordBatch
 
-PARCEL = 32
-"""Ticks in one message to the logger, at most: what a killed sender takes with it"""
-LARGEST = 60_000
-"""Bytes in one message; a low-latency link drops in silence what is larger than 65,000"""
+PACKET_TICKS = 32
+"""Most ticks in one packet to the logger; a sender that is killed takes them with it"""
+PACKET_BYTES = 60_000
+"""Most bytes in one packet; a low-latency link silently drops messages above 65,000"""
 NAMES = tuple(CHANNELS)
-DRIVER = ("state", "truth", "driver_timing")
-CONTROLLER = ("command", "internals", "controller_timing")
+DRIVER_CHANNELS = ("state", "truth", "driver_timing")
+CONTROLLER_CHANNELS = ("command", "internals", "controller_timing")
 
 _FRAME = struct.Struct("<BII")
-"""Before the messages of a channel: its number, how many there are, bytes of each"""
+"""Before the messages of a channel in a packet: the channel's number, how many messages, bytes of each"""
 _PRACTICE = 0x40
 """Marks a frame whose content means nothing"""
 _COUNT = 0x80
-"""Marks a frame that tells how many messages there were on its channel in all"""
+"""Marks a frame that gives the number of all messages on its channel"""
 
 
 class RecordBatches:
-    """A sender's messages of the last ticks, one batch for each of its channels."""
+    """A sender's messages of the last ticks, one record batch for each of its channels."""
 
     def __init__(self, codecs: Mapping[str, Codec], names: tuple[str, ...], rows: int) -> None:
         self.rows = rows
-        """Rows of each batch: ticks that are handed over at a time"""
+        """Rows of each batch: how many ticks are handed over together"""
         self.batches = {name: RecordBatch(codecs[name], rows) for name in names}
         self.written = dict.fromkeys(names, 0)
-        """Rows that are written and not handed over, by channel; the sender counts them"""
+        """Rows that are written but not handed over, by channel; the sender counts them"""
         self.counts = dict.fromkeys(names, 0)
         """Messages that were handed over, by channel"""
 
     def hand_over(self) -> Iterator[tuple[str, NDArray[np.uint8]]]:
-        """Yield (channel, messages (N, bytes)) that are written; they are overwritten from now on."""
+        """Yield (channel, messages (N, bytes)) of the rows that are written; the next ticks overwrite them."""
         for name, rows in self.written.items():
             self.written[name] = 0
             self.counts[name] += rows
@@ -55,31 +55,34 @@ class RecordBatches:
                 yield name, self.batches[name].payloads[:rows]
 
 
-class Record(RecordBatches):
-    """A sender's batches, and the way of their messages to the logger."""
+class RecordSender(RecordBatches):
+    """A sender's record batches, and how they go to the logger."""
 
     def __init__(self, put: Callable[[bytes], None], codecs: Mapping[str, Codec], names: tuple[str, ...]) -> None:
-        """`put` sends one packet. Raises RigError if the messages of one tick are too large for one."""
+        """`put` sends one packet; the last channel is that of the time stamps.
+
+        Raises RigError if the messages of one tick are too large for a packet.
+        """
         tick = sum(codecs[name].size for name in names)
-        if 2 * tick > LARGEST:
+        if 2 * tick > PACKET_BYTES:
             raise RigError(
-                f"the record of a tick ({', '.join(names)}) takes {tick} bytes; the bus takes {LARGEST // 2} at most, "
-                "--in-process any number"
+                f"the messages of one tick ({', '.join(names)}) take {tick} bytes, but the bus takes at most "
+                f"{PACKET_BYTES // 2}: give the law a smaller memory, or run with --in-process, which has no limit"
             )
-        super().__init__(codecs, names, min(PARCEL, LARGEST // tick))
+        super().__init__(codecs, names, min(PACKET_TICKS, PACKET_BYTES // tick))
         self._put = put
         *self._signals, self._timing = names
         self.stamps: list[tuple[float, ...]] = []
-        """Messages of the last channel, which holds time stamps: they go onto its batch when they are shipped, all at a
-        time, for what is done once in the loop finds nothing in the processor's caches"""
+        """Messages of the last channel, which holds the time stamps. They are written into its batch all together when
+        it is sent: code that runs once a tick is no longer in the processor's caches at the next"""
 
     def wrote(self, row: int) -> None:
-        """Note that all batches but that of the stamps are written as far as `row`."""
+        """Note that all batches except the one of the stamps are written up to `row`."""
         for name in self._signals:
             self.written[name] = row + 1
 
     def ship(self) -> None:
-        """Hand over to the logger."""
+        """Send the logger everything that is written."""
         self.batches[self._timing].write(self.stamps)
         self.written[self._timing] = len(self.stamps)
         self.stamps.clear()
@@ -90,18 +93,18 @@ class Record(RecordBatches):
             self._put(b"".join(frames))
 
     def rehearse(self) -> None:
-        """Send a packet as large as those to come, which nobody reads."""
+        """Send a packet as large as those to come; the logger skips its content."""
         size = sum(batch.payloads.size for batch in self.batches.values())
         self._put(_FRAME.pack(_PRACTICE, 1, size) + bytes(size))
 
     def end(self) -> None:
-        """Hand over the rest, and how many messages there were on each channel."""
+        """Send the rest, and the number of all messages on each channel."""
         self.ship()
         self._put(b"".join(_FRAME.pack(NAMES.index(name) | _COUNT, n, 0) for name, n in self.counts.items()))
 
 
 def unpack_batches(packet: bytes) -> Iterator[tuple[str, NDArray[np.uint8], int | None]]:
-    """Yield (channel, messages (N, bytes), None) for the messages in a packet, (channel, none, count) at the end."""
+    """Yield (channel, messages (N, bytes), None) for messages in a packet, (channel, no messages, count) at the end."""
     offset = 0
     while offset < len(packet):
         number, rows, size = _FRAME.unpack_from(packet, offset)

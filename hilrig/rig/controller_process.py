@@ -9,7 +9,7 @@ from hilrig.loop.controller_node import ControllerNode
 from hilrig.recording.messages.layouts import layouts
 from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.bus import Inbox, Outbox
-from hilrig.rig.channels import CONTROLLER, Record
+from hilrig.rig.channels import CONTROLLER_CHANNELS, RecordSender
 from hilrig.rig.child import Child, main
 from hilrig.rig.faults import Injector
 from hilrig.rig.rows import HeardState, controller_rows
@@ -27,7 +27,7 @@ def work(child: Child) -> None:
     injector = Injector.of(trial, "controller")
     if injector is not None:
         commands = injector.outbox(commands)
-    record = Record(child.record(), codecs, CONTROLLER)
+    record = RecordSender(child.record(), codecs, CONTROLLER_CHANNELS)
     node, heard = ControllerNode(trial), HeardState(codecs)
     node.bind(heard.rows, controller_rows(record.batches))
     child.ready(("driver", "logger"), record.rehearse, memory=memory)
@@ -45,7 +45,7 @@ def work(child: Child) -> None:
 
 
 def answer_all(
-    child: Child, node: ControllerNode, heard: HeardState, record: Record, states: Inbox, commands: Outbox,
+    child: Child, node: ControllerNode, heard: HeardState, record: RecordSender, states: Inbox, commands: Outbox,
     injector: Injector | None,
 ) -> None:  # fmt: skip
     """Answer until the last measurement. Raises Tripped."""

@@ -12,7 +12,7 @@ from hilrig.loop.ticks import do_ticks
 from hilrig.recording.messages.codec import Codec
 from hilrig.recording.messages.layouts import layouts
 from hilrig.recording.run_directory import trial_directory
-from hilrig.rig.channels import DRIVER, Record
+from hilrig.rig.channels import DRIVER_CHANNELS, RecordSender
 from hilrig.rig.child import Child, main
 from hilrig.rig.clock import PROGRESS, Pacer
 from hilrig.rig.command_receiver import CommandReceiver, Waiting
@@ -37,7 +37,7 @@ class BusWire:
         self._outbox = outbox if injector is None else injector.outbox(outbox)
         inbox = child.bus.inbox("command")
         self._commands = CommandReceiver(inbox) if self._realtime else Waiting(inbox)
-        self._record = Record(child.record(), codecs, DRIVER)
+        self._record = RecordSender(child.record(), codecs, DRIVER_CHANNELS)
         self._state = self._record.batches["state"]
         self._certified = child.settings.certificate
         self._resumed = child.resume_monitor

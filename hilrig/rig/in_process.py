@@ -19,7 +19,7 @@ from hilrig.recording.messages.layouts import definitions, layouts
 from hilrig.recording.messages.record_batch import RecordBatch
 from hilrig.recording.recorder import TIMING, Recorder
 from hilrig.recording.run_directory import trial_directory, write_json
-from hilrig.recording.timing import budget_of, summarise
+from hilrig.recording.timing import certify
 from hilrig.rig.channels import NAMES, RecordBatches
 from hilrig.rig.clock import PROGRESS, Pacer
 from hilrig.rig.outcome import Outcome
@@ -252,6 +252,6 @@ def _outcome(
     """Write the certificate, and return the outcome."""
     summary = recorder.summary()
     terms = Terms(trial.clock, trial.period, trial.actuation_delay)
-    timing = summarise(terms, budget_of(trial.timing, terms), recorder.timing())
+    timing = certify(terms, trial.timing, recorder.timing())
     write_json(directory / "timing.json", timing)
     return Outcome.of(trial, *ending, wall_s, summary, loop_s or None)

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hilrig.core.errors import Stopped
-from hilrig.experiment.trial import TimingBudget
+from hilrig.experiment.timing_budget import TimingBudget
 from hilrig.recording.messages.layouts import definitions
 from hilrig.recording.recorder import Recorder
 from hilrig.recording.run_directory import read_trial_document, trial_path, write_json
-from hilrig.recording.timing import budget_of, summarise, terms_of
+from hilrig.recording.timing import certify, terms_of
 from hilrig.rig.bus import Inbox
 from hilrig.rig.channels import NAMES, unpack_batches
 from hilrig.rig.child import Child, main
@@ -30,8 +30,8 @@ def work(child: Child) -> None:
         except Stopped:
             record_rest(packets, recorder, views)
         views.end()
-        terms, allowed = terms_of(trial), TimingBudget(**trial["timing"])
-        timing = summarise(terms, budget_of(allowed, terms), recorder.timing(), order["setup"])
+        budget = TimingBudget(**trial["timing"])
+        timing = certify(terms_of(trial), budget, recorder.timing(), order["setup"])
         write_json(directory / "timing.json", timing)
         summary = recorder.summary()
     child.tell("done", channels=summary)

@@ -1,23 +1,25 @@
-"""The message of the live view, and its keys on the bus. `view_maker` makes views, `hilrig watch` shows them."""
+"""The message of the live view, and its keys on the bus. `view_maker` makes views; `hilrig watch` shows them."""
 
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from hilrig.core.signals import Array
 from hilrig.recording.messages.codec import Codec, definition
 
+if TYPE_CHECKING:  # the signals load numba, which a watcher does without
+    from hilrig.core.signals import Array
+
 CHANNEL, ASKING = "view", "watching"
-"""Keys: of the views, and of the asking for them"""
-GRANT = 1.0
-"""s for which views are sent after they were asked for"""
-INTERVAL = 0.05
-"""s of wall time between two views, at least"""
+"""Keys on the bus: of the views, and of the requests for them"""
+GRANT_S = 1.0
+"""How long views are sent after a request"""
+INTERVAL_S = 0.05
+"""Least wall time between two views"""
 
 
 class View(NamedTuple):
-    """A view, with the fields of View.msg; arrays (m,)."""
+    """A view: the fields of View.msg, where they have their units; arrays (m,)."""
 
     tick: int
     time: float
@@ -36,11 +38,11 @@ class View(NamedTuple):
 
 @cache
 def view_codec(axes: int) -> Codec:
-    """Return the codec of the views of a trial with so many task axes."""
+    """Return the codec of the views of a trial with this many task axes."""
     form = definition("View")
     return Codec(form, {field.name: axes for field in form.fields if field.size == 0})
 
 
 def read_view(payload: bytes, axes: int) -> View:
-    """Return the view in a message of a trial with so many task axes. Raises ValueError if it is none."""
+    """Return the view in a message of a trial with this many task axes. Raises ValueError if it is not one."""
     return View(*view_codec(axes).unpack(payload))

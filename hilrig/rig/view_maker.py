@@ -1,8 +1,8 @@
-"""Makes the live view of a trial: what the logger tells whoever watches, from the payloads it is handed anyway.
+"""The live view of a trial: what the logger tells whoever watches, made from the messages that it records anyway.
 
-Driver and controller know nothing of it. A watcher asks, again and again; the logger sends views for one second after
-it was asked. So one that stands still (Ctrl-Z, a closed lid) leaves no more unread than its socket's buffer takes. More
-than that would hold up the logger, at a send or when it leaves the bus, and in the end the loop.
+Driver and controller know nothing of it. A watcher sends requests; the logger sends views for one second after each. So
+a watcher that stands still (Ctrl-Z, a closed lid) leaves no more unread than its socket's buffer holds. More would
+block the logger, when it sends or leaves the bus, and in the end the loop.
 """
 
 from __future__ import annotations
@@ -20,48 +20,40 @@ from numpy.typing import NDArray
 from hilrig.core.signals import WRENCH_AXES, Reference
 from hilrig.experiment.trial import TaskSpec, make_impedance
 from hilrig.kinds.impedance import auxiliary_error
+from hilrig.recording.certificate.late import is_late
 from hilrig.recording.messages.codec import Codec, definition, sizes_in
+from hilrig.recording.timing import terms_of
 from hilrig.rig.bus import Bus
-from hilrig.rig.view import ASKING, CHANNEL, GRANT, INTERVAL, view_codec
+from hilrig.rig.view import ASKING, CHANNEL, GRANT_S, INTERVAL_S, view_codec
 
-LEAST = 2
-"""Ticks that a view takes: the acceleration is a difference"""
+LEAST_TICKS = 2
+"""In a view: the acceleration is a difference"""
 
 DRIVER_TIMING = Codec(definition("DriverTiming"), {})
 
-Columns = dict[str, np.ndarray]
+Fields = dict[str, np.ndarray]
+"""The fields of many messages of one channel, by name"""
 Messages = NDArray[np.uint8]
 """(N, bytes)"""
 
 
-def late_ticks(timing: Mapping[str, np.ndarray], delay: int, period: float) -> int:
-    """Return how many ticks of the driver's timing (fields of DriverTiming, (N,)) were late in real time.
-
-    Late is a tick whose command was older than tick - `delay`, or was applied a `period` (s) or more after it was due.
-    """
-    wanted = np.maximum(timing["tick"].astype(np.int64) - delay, -1)
-    overran = timing["applied"] - timing["due"] >= round(period * 1e9)
-    return int(np.count_nonzero((timing["command"] < wanted) | overran))
-
-
 class ViewMaker:
-    """Makes views of one trial; keeps payloads from one view to the next, no longer."""
+    """Makes the views of one trial; keeps messages from one view to the next, no longer."""
 
     def __init__(self, trial: Mapping[str, Any]) -> None:
         """`trial` is the trial's document in plan.json."""
         self._axes = tuple(trial["axes"])
-        self._period, self._delay = trial["period"], trial["actuation_delay"]
-        self._realtime = trial["clock"] == "realtime"
+        self._terms = terms_of(trial)
         self._impedance = make_impedance(TaskSpec.from_document(trial["task"]), self._axes)
         self._codec = view_codec(len(self._axes))
         self._codecs: dict[str, Codec] = {}
         self._kept: dict[str, list[Messages]] = defaultdict(list)
         self._simulated: bool | None = None
         self._began: float | None = None
-        self._late, self._timed, self._lateness = 0, 0, 0.0
+        self._late, self._timed, self._lateness_s = 0, 0, 0.0
 
     def note(self, channel: str, payloads: Messages) -> None:
-        """Take in the newest messages of a channel."""
+        """Take in the latest messages of a channel."""
         self._began = self._began or time.monotonic()
         if channel == "driver_timing":
             self._note_timing(payloads)
@@ -69,23 +61,25 @@ class ViewMaker:
             self._kept[channel].append(payloads)
             self._simulated = channel == "truth" or self._simulated
         elif channel == "state":
-            # A simulated plant's truth comes in one packet with its state.
+            # The truth of a simulated plant comes in the same packet as its state.
             self._simulated = self._simulated or False
 
     def _note_timing(self, payloads: Messages) -> None:
         self._timed += payloads.shape[0]
-        if self._realtime:
-            timing = DRIVER_TIMING.table(payloads)
-            self._late += late_ticks(timing, self._delay, self._period)
-            self._lateness = max(self._lateness, float((timing["woke"] - timing["due"]).max()) / 1e9)
+        if self._terms.realtime:
+            timing, terms = DRIVER_TIMING.table(payloads), self._terms
+            tick, command, due, applied = (timing[name] for name in ("tick", "command", "due", "applied"))
+            late = is_late(tick, command, due, applied, terms.actuation_delay, terms.period_ns)
+            self._late += int(np.count_nonzero(late))
+            self._lateness_s = max(self._lateness_s, float((timing["woke"] - timing["due"]).max()) / 1e9)
 
     def skip(self) -> None:
-        """Let go of what a view would be made of: nobody watches."""
+        """Drop the messages that a view would be made of: nobody watches."""
         self._kept.clear()
-        self._lateness = 0.0
+        self._lateness_s = 0.0
 
     def view(self) -> bytes | None:
-        """Return a view of what was noted since the last one; None if there are fewer than two whole ticks."""
+        """Return a view of the ticks noted since the last one; None if fewer than two are complete."""
         if self._simulated is None:
             return None
         names = ("internals", "truth") if self._simulated else ("internals",)
@@ -93,7 +87,7 @@ class ViewMaker:
         if len(columns) < len(names):
             return None
         ticks = reduce(np.intersect1d, [table["tick"] for table in columns.values()])
-        if ticks.size < LEAST:
+        if ticks.size < LEAST_TICKS:
             return None
         picked = {name: _pick(table, ticks) for name, table in columns.items()}
         for name, table in columns.items():
@@ -101,15 +95,15 @@ class ViewMaker:
             self._kept[name] = [np.concatenate(self._kept[name])[seen:]]
         return self._packed(picked["internals"], picked.get("truth"))
 
-    def _columns(self, name: str) -> Columns:
+    def _columns(self, name: str) -> Fields:
         payloads = np.concatenate(self._kept[name])
         if name not in self._codecs:
             form = definition("Truth" if name == "truth" else "Internals")
             self._codecs[name] = Codec(form, sizes_in(form, payloads[0].tobytes()))
-        # The law's memory follows behind the common part of the internals; a view does without it.
+        # The law's memory comes after the common fields of the internals; a view does not need it.
         return self._codecs[name].table(payloads[:, : self._codecs[name].size])
 
-    def _packed(self, internals: Columns, truth: Columns | None) -> bytes:
+    def _packed(self, internals: Fields, truth: Fields | None) -> bytes:
         source = internals if truth is None else truth
         position, velocity, time_ = source["position"], source["velocity"], source["time"]
         force = source["force"] if truth is None else source["wrench"][:, [WRENCH_AXES.index(a) for a in self._axes]]
@@ -119,24 +113,25 @@ class ViewMaker:
         sigma = self._impedance.sigma
         error = np.where(sigma == 1, reference.position - position, reference.force - force)
         largest = error[np.argmax(np.abs(error), axis=0), np.arange(sigma.size)]
-        lateness, self._lateness = self._lateness, 0.0
-        elapsed = time.monotonic() - (self._began or 0.0)
+        lateness_s, self._lateness_s = self._lateness_s, 0.0
+        elapsed_s = time.monotonic() - (self._began or 0.0)
         return self._codec.pack(
             (
-                int(source["tick"][-1]), float(time_[-1]), elapsed, self._late, self._timed,
-                lateness, position[-1], velocity[-1], force[-1], reference.position[-1], reference.force[-1], largest,
+                int(source["tick"][-1]), float(time_[-1]), elapsed_s, self._late, self._timed,
+                lateness_s, position[-1], velocity[-1], force[-1], reference.position[-1], reference.force[-1], largest,
                 np.sqrt(np.mean(auxiliary**2, axis=0)),
             )
         )  # fmt: skip
 
 
-def _pick(table: Columns, ticks: np.ndarray) -> Columns:
+def _pick(table: Fields, ticks: np.ndarray) -> Fields:
+    """Return the rows of these ticks."""
     rows = np.searchsorted(table["tick"], ticks)
     return {name: values[rows] for name, values in table.items()}
 
 
 class Views:
-    """Sends the views of a trial, now and then, as long as somebody asks for them."""
+    """Sends the views of a trial for as long as someone asks for them, at most one every INTERVAL_S."""
 
     def __init__(self, bus: Bus, trial: Mapping[str, Any]) -> None:
         self._outbox = bus.outbox(CHANNEL, blocking=False)
@@ -145,9 +140,9 @@ class Views:
         self._next, self._until = 0.0, 0.0
 
     def note(self, fresh: Mapping[str, Messages]) -> None:
-        """Take in a packet's messages by channel, and send a view if one is due.
+        """Take in the messages of a packet, by channel, and send a view if one is due.
 
-        A fault in a view must not cost the record: it is printed, and there are no more views.
+        An error in a view must not cost the record: it is printed, and no more views are sent.
         """
         if self._maker is None:
             return
@@ -155,23 +150,23 @@ class Views:
             for channel, payloads in fresh.items():
                 self._maker.note(channel, payloads)
             if time.monotonic() >= self._next:
-                self._next = time.monotonic() + INTERVAL
+                self._next = time.monotonic() + INTERVAL_S
                 self._send(self._maker)
         except Exception:
             traceback.print_exc()
-            print("the live view has ended, the record goes on", flush=True)
+            print("the live view stops here; recording goes on", flush=True)
             self._maker = None
 
     def _send(self, maker: ViewMaker) -> None:
         now = time.monotonic()
         if self._asking.poll() is not None:
-            self._until = now + GRANT
+            self._until = now + GRANT_S
         if now > self._until:
             maker.skip()
         elif (payload := maker.view()) is not None:
             self._outbox.put(payload)
 
     def end(self) -> None:
-        """Send what is left: the end of the trial."""
+        """Send a view of the last ticks of the trial."""
         self._next = 0.0
         self.note({})

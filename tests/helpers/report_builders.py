@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 
 from helpers.loop_simulation import Loop
+from hilrig.experiment.timing_budget import TimingBudget
 from hilrig.recording.bag import read_bag
 from hilrig.recording.bag_writer import BagWriter
-from hilrig.recording.certificate.budget import Budget
 from hilrig.recording.messages.codec import Codec, Definition, definition, extended
 from hilrig.recording.messages.record_batch import RecordBatch
-from hilrig.recording.timing import summarise, terms_of
+from hilrig.recording.timing import certify, terms_of
 from hilrig.report.dataset import TrialEntry
 from hilrig.report.measures import COLUMNS
 
@@ -161,9 +161,6 @@ def make_run(
     return path
 
 
-BUDGET = Budget(0.005, 1.25e-3)
-
-
 def in_real_time(run: Path, loops: dict[str, Loop], setup: dict | None = None, one_clock: bool = True) -> Path:
     """Make a run, from `make_run`, one in real time: by trial id a loop that was simulated, with its certificate."""
     plan, manifest = (json.loads((run / name).read_text()) for name in ("plan.json", "manifest.json"))
@@ -185,7 +182,7 @@ def in_real_time(run: Path, loops: dict[str, Loop], setup: dict | None = None, o
             for name, kind in zip(stamps, ("DriverTiming", "ControllerTiming"), strict=True):
                 fields = {**stamps[name], "time": stamps[name]["tick"] * PERIOD}
                 write_rows(bag, name, definition(kind), fields)
-        certificate = summarise(terms_of(trial), BUDGET, stamps, setup, one_clock)
+        certificate = certify(terms_of(trial), TimingBudget(), stamps, setup, one_clock)
         (folder / "timing.json").write_text(json.dumps(certificate))
     (run / "plan.json").write_text(json.dumps(plan))
     (run / "manifest.json").write_text(json.dumps({**manifest, "clock": "realtime", "transport": "zenoh"}))

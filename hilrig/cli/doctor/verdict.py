@@ -8,11 +8,13 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hilrig.experiment.timing_budget import TimingBudget
+from hilrig.recording.certificate.histogram import quantiles
+from hilrig.recording.certificate.late import is_late
 from hilrig.rig.setup import Report
 
-PERCENTILES = {"p50": 50.0, "p99": 99.0, "p99.9": 99.9, "max": 100.0}
-READY_LATE, USABLE_LATE = 0.001, 0.005
-"""Fractions of late ticks; the second is the budget that an experiment has by default"""
+READY_LATE, USABLE_LATE = 0.001, TimingBudget.late_fraction
+"""Fractions of late ticks; the second is the default budget of an experiment"""
 
 
 @dataclass(frozen=True)
@@ -60,12 +62,13 @@ def summarise(stamps: Stamps, steal: float, setup: dict[str, Report]) -> Probe:
     lateness = stamps.woke - stamps.due
     answered = stamps.received > 0
     trips = (stamps.received - stamps.published)[answered]
-    # The loop's rule, with an actuation delay of one: at tick k + 1 the answer to tick k takes effect.
-    missing = ~answered[:-1] | (stamps.received[:-1] > stamps.woke[1:])
-    late = int(np.sum((lateness[1:] >= stamps.period) | missing))
+    # With an actuation delay of one, the answer to tick k takes effect when tick k + 1 wakes, if it is there by then.
+    tick, due, woke = np.arange(1, lateness.size), stamps.due[1:], stamps.woke[1:]
+    in_time = answered[:-1] & (stamps.received[:-1] <= woke)
+    late = is_late(tick, np.where(in_time, tick - 1, -1), due, applied=woke, delay=1, period_ns=stamps.period)
     return Probe(
-        ticks=len(lateness), period=stamps.period * 1e-9, late=late,
-        lateness_us=_percentiles(lateness), round_trip_us=_percentiles(trips),
+        ticks=lateness.size, period=stamps.period * 1e-9, late=int(np.count_nonzero(late)),
+        lateness_us=quantiles(lateness) or {}, round_trip_us=quantiles(trips) or {},
         unanswered=int(np.sum(~answered)), steal=steal, setup=setup,
     )  # fmt: skip
 
@@ -105,10 +108,3 @@ def _beyond(probe: Probe, late: float, lateness: int, trip: int) -> list[str]:
     elif value > period / trip:
         found.append(f"the round trip over the bus took {value:.0f} us at p99, more than {period / trip:.0f} us")
     return found
-
-
-def _percentiles(values: NDArray[np.int64]) -> dict[str, float]:
-    """Return percentiles of times in ns, in us; empty of none."""
-    if not values.size:
-        return {}
-    return {name: round(float(np.percentile(values, at)) / 1e3, 1) for name, at in PERCENTILES.items()}

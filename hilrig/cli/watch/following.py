@@ -13,9 +13,9 @@ from hilrig.cli.watch.scene import Scene
 from hilrig.rig.bus import Bus
 from hilrig.rig.cores import pin
 from hilrig.rig.live import LiveRun, LiveTrial, read_live
-from hilrig.rig.view import ASKING, CHANNEL, GRANT, read_view
+from hilrig.rig.view import ASKING, CHANNEL, GRANT_S, read_view
 
-ASK = GRANT / 4
+ASK = GRANT_S / 4
 """s between two times that views are asked for"""
 LOOK = 0.2
 """s between two looks at live.json"""

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hilrig.core.signals import Array
-from hilrig.rig.view import INTERVAL, View
+from hilrig.rig.view import INTERVAL_S, View
 
-KEPT = round(10.0 / INTERVAL)
+KEPT = round(10.0 / INTERVAL_S)
 """Views that are kept: those of the last ten seconds"""
 
 

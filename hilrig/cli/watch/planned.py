@@ -8,10 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hilrig.experiment.timing_budget import TimingBudget
 from hilrig.recording.run_directory import read_json, read_manifest, read_plan, trial_path
-
-LATE_FRACTION = 0.005
-"""Share of late ticks that a trial may have if it does not say so itself"""
 
 
 @dataclass(frozen=True)
@@ -73,5 +71,5 @@ def planned_trial(document: Mapping[str, Any], number: int) -> PlannedTrial:
         round(phases[-1][1] / document["period"]),
         document["clock"] == "realtime",
         phases,
-        document.get("timing", {}).get("late_fraction", LATE_FRACTION),
+        TimingBudget(**document.get("timing", {})).late_fraction,
     )

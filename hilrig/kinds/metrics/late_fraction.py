@@ -12,7 +12,7 @@ from hilrig.kinds.metrics._record import PhaseRecord
 
 @dataclass(frozen=True)
 class LateFraction:
-    """Share of the ticks whose command was older than it should have been, or was applied a period or more too late.
+    """Share of late ticks, by the rule of the timing certificate (docs/certificate.md).
 
     late = #{k : late(k)} / N, of the N ticks from the first to the last, those that nobody answered included
 

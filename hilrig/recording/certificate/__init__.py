@@ -1,1 +1,5 @@
-"""What a trial's time stamps prove: which ticks were late, through whom, and whether it kept its budget. Pure."""
+"""What the time stamps of a trial show: which ticks were late, what caused it, and whether the trial kept its budget.
+
+Arrays in, arrays out; numpy alone. `late` has the rule for a late tick, `histogram` the quantiles of durations,
+`attribution` the causes, `budget` the comparison with the trial's budget.
+"""

@@ -1,4 +1,4 @@
-"""The durations that the certificate tells of, each as one array over the ticks for which it is known."""
+"""The durations that the certificate reports, each as one array over the ticks for which it is known."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hilrig.recording.certificate.late import is_late
 from hilrig.recording.certificate.table import NS, Flags, Stamps, Table, find
 
 
 class Terms(NamedTuple):
-    """What the loop was to do."""
+    """What the loop was asked to do."""
 
     clock: str
     """"lockstep" or "realtime\""""
@@ -31,12 +32,12 @@ class Terms(NamedTuple):
 
 
 def durations(table: Table, terms: Terms) -> dict[str, Stamps | None]:
-    """Return durations in ns, by name; None for what cannot be said.
+    """Return durations in ns, by name; None for those that cannot be known.
 
     lateness: woke - due, in real time. state_transport: measurement published to received by the controller.
     compute: received to torque known. command_transport: command published to received by the driver. command_age: woke
     of the measurement's tick to its command applied. round_trip: measurement published to its command received.
-    With two clocks neither transport is known, only the round trip.
+    With two clocks, the round trip is known but neither transport is.
     """
     own, answer, here = table.driver, table.answer, table.answered
     back = table.returned > 0
@@ -54,7 +55,7 @@ def durations(table: Table, terms: Terms) -> dict[str, Stamps | None]:
 def command_age(table: Table) -> Stamps:
     """Return the age of the command in effect at each tick, (K,) ns: woke of its measurement's tick to applied.
 
-    Ticks before the first command, and those whose measurement's stamps are not in the record, are left out.
+    Ticks before the first command are left out, and those for which the measurement's stamps are missing.
     """
     own = table.driver
     place, known = find(own.tick, own.command)
@@ -62,19 +63,11 @@ def command_age(table: Table) -> Stamps:
     return (own.applied - own.woke[place])[known] if own.tick.size else own.applied
 
 
-def overran(table: Table, terms: Terms) -> Flags:
-    """Return the ticks at which the command was applied a whole period or more after the tick was due, (N,)."""
-    return (table.driver.applied - table.driver.due >= terms.period_ns) & terms.realtime
-
-
 def late_ticks(table: Table, terms: Terms) -> Flags:
-    """Return the ticks that were late, (N,).
-
-    In real time a tick k is late if the command applied was older than that of tick k - d, or if it was applied a whole
-    period or more after the tick was due. In lockstep the plant waits, and no tick is late.
-    """
-    older = (table.driver.command < table.driver.tick - terms.actuation_delay) & terms.realtime
-    return older | overran(table, terms)
+    """Return the ticks that were late, (N,), by the rule in `late.py`; none in lockstep, where the plant waits."""
+    own = table.driver
+    late = is_late(own.tick, own.command, own.due, own.applied, terms.actuation_delay, terms.period_ns)
+    return late & terms.realtime
 
 
 def median(values: Stamps) -> int:

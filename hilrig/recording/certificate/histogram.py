@@ -1,8 +1,8 @@
 """Histograms and quantiles of durations.
 
-The bins are those of an HdrHistogram with 7 significant bits: whole nanoseconds below 128 ns; above, each octave from
-2^e to 2^(e+1) has 64 bins of equal width 2^(e-6), so that no bin is wider than 1/64 of its lower edge, from nanoseconds
-to hours. Negative values are counted in the mirror images of these bins.
+The bins are those of an HdrHistogram with 7 significant bits: whole nanoseconds below 128 ns; above that, the octave
+from 2^e to 2^(e+1) has 64 bins of equal width 2^(e-6). No bin is wider than 1/64 of its lower edge, from nanoseconds to
+hours. Negative values are counted in the mirror images of these bins.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ QUANTILES = {"p50": 50.0, "p99": 99.0, "p99.9": 99.9, "max": 100.0}
 
 
 def lower_edges(values: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the least whole number in the bin of each value (N,)."""
+    """Return the smallest whole number in the bin of each value (N,)."""
     values = np.asarray(values, dtype=np.int64)
     size = np.abs(values)
     bits = np.frexp(size.astype(np.float64))[1].astype(np.int64)
@@ -26,19 +26,22 @@ def lower_edges(values: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def histogram(values: NDArray[np.int64]) -> list[list[int]]:
-    """Return [lower edge, count] of every bin that is not empty, in order of the edges. Nothing is left out."""
+    """Return [lower edge, count] of every bin that is not empty, in order of the edges. Every value is counted."""
     edges, counts = np.unique(lower_edges(values), return_counts=True)
     return [[int(edge), int(count)] for edge, count in zip(edges, counts, strict=True)]
 
 
 def tail(bins: list[list[int]]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the lower edges (B,) and the share of the values that are at least so large (B,), exact at the edges."""
+    """Return the lower edges (B,) and, exact at these edges, the share of values that are at least so large (B,)."""
     edges, counts = np.array(bins, dtype=np.int64).reshape(-1, 2).T
     return edges, np.cumsum(counts[::-1])[::-1] / max(int(counts.sum()), 1)
 
 
 def quantiles(nanoseconds: NDArray[np.int64]) -> dict[str, float] | None:
-    """Return p50, p99, p99.9 and max of the values themselves, in microseconds, or None if there are none."""
+    """Return p50, p99, p99.9 and max, in microseconds to a tenth; None if there are no values.
+
+    They are of the values themselves, not of their bins: numpy's percentiles, linear between neighbours.
+    """
     if nanoseconds.size == 0:
         return None
     values = np.percentile(nanoseconds, list(QUANTILES.values())) / 1e3

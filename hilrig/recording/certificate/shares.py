@@ -1,12 +1,12 @@
-"""How much of the way from a measurement to its command's effect each process took.
+"""How much of the time from a measurement to the effect of its command each process took.
 
-From due to published the time is the driver's. What the controller takes is the controller's, the rest is transport.
-Where a measurement has to wait because the controller is at work on an earlier one, the time goes to whoever made that
-so (`waits.py`). A process that was stopped meanwhile (SIGSTOP) and went on took the time, wherever it shows.
+From due to published the time is the driver's, from received to published the controller's, and the rest is transport.
+The time that a measurement waits for a busy controller goes to the process that made it wait (`waits.py`). A process
+that was stopped (SIGSTOP) and resumed in between took the time, wherever it shows.
 
 With one clock all of this is measured. With two, the driver's clock gives the driver's share and the round trip, the
-controller's clock the controller's own time; a measurement is taken to have waited for a controller that was busy for
-longer than the ticks are apart, and transport is what is left of the round trip.
+controller's clock the time it took itself. A measurement then counts as having waited if the controller was busy for
+longer than the ticks are apart, and transport is what remains of the round trip.
 """
 
 from __future__ import annotations
@@ -15,36 +15,36 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hilrig.recording.certificate.causes import CONTROLLER, DRIVER, RESUME_MARGIN, any_between, stopped
 from hilrig.recording.certificate.durations import Terms, median
-from hilrig.recording.certificate.processes import CONTROLLER, DRIVER, SOON, any_between, stopped
-from hilrig.recording.certificate.table import Flags, Stamps, Table, after_continuing, find
+from hilrig.recording.certificate.table import Flags, Stamps, Table, find, resume_times
 from hilrig.recording.certificate.waits import busy_between, who_made_wait
 
 
 class Chain(NamedTuple):
-    """The ways of L commands, in ns."""
+    """The chains that L commands came along, in ns."""
 
     known: Flags
-    """Whether the record says enough of it, (L,)"""
+    """Whether the record holds enough of the chain, (L,)"""
     due: Stamps
     """When the tick of the measurement was due, (L,)"""
     needed: Stamps
-    """When the driver took the newest command that it had, (L,)"""
+    """When the driver took the newest command it had, (L,)"""
     end: Stamps
-    """When the command came in, as far as known; not before `needed`, (L,)"""
+    """When the command came in, as far as that is known; not before `needed`, (L,)"""
     shares: Stamps
-    """Of driver, transport, controller, (L, 3)"""
+    """Of driver, transport and controller, (L, 3)"""
 
 
 def chains(table: Table, terms: Terms, rows: Stamps) -> Chain:
-    """Return the ways of the commands that the ticks at `rows` (L,) of the table were to apply."""
+    """Return the chains of the commands that the ticks at `rows` (L,) of the table were to apply."""
     own = table.driver
     at, known = find(own.tick, own.tick[rows] - terms.actuation_delay)
     usual = median(own.applied - own.woke)
     needed = np.minimum(own.applied[rows], own.woke[rows] + usual)
     end, returned = needed, table.returned[at]
     if table.one_clock:
-        # A command that went out so late that it could not be there: it took the usual time from then on.
+        # A command that went out too late to be there in time: from then on it took the usual time.
         sent = table.answer.published[at] + _usual_return(table)
         end = np.where(table.answered[at] & (returned == 0), np.maximum(end, sent), end)
     end = np.maximum(end, returned)
@@ -52,7 +52,7 @@ def chains(table: Table, terms: Terms, rows: Stamps) -> Chain:
 
 
 def ways(table: Table, terms: Terms) -> tuple[Stamps, Stamps]:
-    """Return the rows of the measurements whose command took effect, (W,), and their shares, (W, 3) ns."""
+    """Return the rows of the measurements whose command took effect, (W,), and the shares in them, (W, 3) ns."""
     at = np.flatnonzero(table.answered & (table.returned > 0))
     end = table.returned[at]
     return at, _split(table, terms, at, np.ones(at.size, dtype=bool), end, end).shares
@@ -79,7 +79,7 @@ def _split(table: Table, terms: Terms, at: Stamps, known: Flags, needed: Stamps,
 
 def _by_one_clock(table: Table, terms: Terms, at: Stamps, end: Stamps) -> tuple[Stamps, Flags]:
     """Return the shares from published to `end`, (L, 3), and whether they are known."""
-    soon = round(SOON * terms.period_ns)
+    soon = round(RESUME_MARGIN * terms.period_ns)
     published, answer, answered = table.driver.published[at], table.answer, table.answered[at]
     reached, told = _reached(table, at)
     until = np.where(answered, reached, np.clip(reached, published, np.maximum(end, published)))
@@ -96,8 +96,8 @@ def _by_one_clock(table: Table, terms: Terms, at: Stamps, end: Stamps) -> tuple[
 
 
 def _by_two_clocks(table: Table, terms: Terms, at: Stamps, end: Stamps) -> tuple[Stamps, Flags]:
-    """Return the same, from what each clock says alone."""
-    soon = round(SOON * terms.period_ns)
+    """Return the same, without comparing the two clocks."""
+    soon = round(RESUME_MARGIN * terms.period_ns)
     published, answer, answers = table.driver.published[at], table.answer, table.answers
     trip = np.maximum(end - published, 0)
     shares = np.zeros((at.size, 3), dtype=np.int64)
@@ -109,22 +109,22 @@ def _by_two_clocks(table: Table, terms: Terms, at: Stamps, end: Stamps) -> tuple
     waited = np.where(after > 0, np.maximum(answers.waiting[after] - answers.received[before] - passed, 0), 0)
     worked = np.where(table.answered[at], answer.published[at] - answer.received[at], 0)
     shares[:, CONTROLLER] = np.minimum(waited + worked, trip)
-    moments = after_continuing(answers)
-    went_on = any_between(moments, answers.waiting[after], answers.received[after] + soon)
-    halted = np.where(went_on, CONTROLLER, stopped(table, published, end + soon, (DRIVER,)))
+    resumes = resume_times(answers)
+    resumed = any_between(resumes, answers.waiting[after], answers.received[after] + soon)
+    halted = np.where(resumed, CONTROLLER, stopped(table, published, end + soon, (DRIVER,)))
     np.add.at(shares, (np.arange(at.size), halted), trip - shares[:, CONTROLLER])
     return shares, told
 
 
 def _next_answer(table: Table, at: Stamps) -> tuple[Stamps, Flags]:
-    """Return the place of the answer to these ticks, or of the next later one, (L,), and whether there is one."""
+    """Return the index of the answer to these ticks, or of the next one, (L,), and whether there is one."""
     ticks = np.maximum.accumulate(table.answers.tick)
     place = np.searchsorted(ticks, table.driver.tick[at])
     return np.minimum(place, ticks.size - 1), place < ticks.size
 
 
 def _reached(table: Table, at: Stamps) -> tuple[Stamps, Flags]:
-    """Return when these measurements were received, or the next later one if they were not, and whether it is known."""
+    """Return when each measurement, or else the next one, was received, (L,), and whether that is known."""
     if table.answers.tick.size == 0:
         return table.driver.published[at], np.zeros(at.size, dtype=bool)
     place, told = _next_answer(table, at)
@@ -134,7 +134,7 @@ def _reached(table: Table, at: Stamps) -> tuple[Stamps, Flags]:
 
 
 def _behind(table: Table, terms: Terms, at: Stamps) -> Stamps:
-    """Return who made these measurements wait for the controller, (L,)."""
+    """Return which process made these measurements wait for the controller, (L,)."""
     if table.answers.tick.size == 0:
         return np.full(at.size, CONTROLLER)
     order = np.argsort(table.answers.tick, kind="stable")

@@ -1,7 +1,7 @@
-"""The stamps of driver and controller, joined by tick: the chain from a measurement to its command's effect.
+"""The stamps of driver and controller joined by tick: the chain from a measurement to the effect of its command.
 
-Stamps are CLOCK_MONOTONIC nanoseconds of the host that made them. Durations between stamps of both processes mean
-something on one host alone (`one_clock`).
+Stamps are in CLOCK_MONOTONIC nanoseconds of the host that made them. A duration between stamps of two processes has a
+meaning only if both ran on one host (`one_clock`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ NS = 1_000_000_000
 
 
 class DriverStamps(NamedTuple):
-    """One row for each tick, in their order; see DriverTiming.msg."""
+    """One row for each tick, in order; see DriverTiming.msg."""
 
     tick: Stamps
     due: Stamps
@@ -47,7 +47,7 @@ class ControllerStamps(NamedTuple):
 
 
 class Table(NamedTuple):
-    """The chain that begins with the measurement of each of N ticks."""
+    """The chains that begin with the measurements of N ticks."""
 
     driver: DriverStamps
     """(N,)"""
@@ -56,11 +56,11 @@ class Table(NamedTuple):
     answered: Flags
     """Whether the controller received the measurement of this tick"""
     returned: Stamps
-    """When the command that answers this tick came in at the driver; 0 where it is not known: it never took effect"""
+    """When the command that answers this tick came in at the driver; 0, unknown, for one that never took effect"""
     effective: Stamps
-    """When it was given to the plant for the first time; 0 where it never took effect"""
+    """When that command was first applied to the plant; 0 if it never took effect"""
     answers: ControllerStamps
-    """Every row of the controller in order of reception, (M,)"""
+    """Every row of the controller, in order of reception, (M,)"""
     one_clock: bool
     """Whether both processes read the same clock"""
 
@@ -68,14 +68,14 @@ class Table(NamedTuple):
 def join(driver: Columns | None, controller: Columns | None, one_clock: bool = True) -> Table:
     """Return the stamps of both processes by tick.
 
-    Rows may be missing on either side, in any pattern: a tick without a driver's row is not in the table, one that the
-    controller never saw is not `answered`.
+    Rows may be missing on either side, in any pattern: a tick without a row of the driver is not in the table, and one
+    that the controller never saw is not `answered`.
     """
     own = DriverStamps(*_rows(driver, DriverStamps._fields))
     other = ControllerStamps(*_rows(controller, ControllerStamps._fields))
     place, answered = find(other.tick, own.tick)
     answer = ControllerStamps(*(_picked(column, place, answered) for column in other))
-    # A command may stay in effect for several ticks: the first of them is when it came.
+    # A command may stay in effect for several ticks; it came in before the first of them.
     commands, first = np.unique(own.command, return_index=True)
     place, took_effect = find(commands, own.tick)
     rows = _picked(first, place, took_effect)
@@ -89,7 +89,7 @@ def join(driver: Columns | None, controller: Columns | None, one_clock: bool = T
 
 
 def find(ordered: Stamps, wanted: Stamps) -> tuple[Stamps, Flags]:
-    """Return where each of `wanted` stands among `ordered`, and whether it is there; the place of others is 0."""
+    """Return the index of each of `wanted` in `ordered`, 0 where it is missing, and whether it is there."""
     if ordered.size == 0:
         return np.zeros(wanted.size, dtype=np.int64), np.zeros(wanted.size, dtype=bool)
     place = np.minimum(np.searchsorted(ordered, wanted), ordered.size - 1)
@@ -97,14 +97,14 @@ def find(ordered: Stamps, wanted: Stamps) -> tuple[Stamps, Flags]:
     return np.where(found, place, 0), found
 
 
-def after_continuing(stamps: DriverStamps | ControllerStamps) -> Stamps:
-    """Return each moment at which the process went on after it had been stopped, in order, (K,) ns."""
-    moments = np.unique(stamps.continued)
-    return moments[moments > 0]
+def resume_times(stamps: DriverStamps | ControllerStamps) -> Stamps:
+    """Return when the process was resumed after a stop, sorted, (K,) ns."""
+    times = np.unique(stamps.continued)
+    return times[times > 0]
 
 
 def _rows(columns: Columns | None, names: tuple[str, ...]) -> list[Stamps]:
-    """Return the columns in order of tick, each tick once."""
+    """Return the columns sorted by tick, each tick once."""
     if columns is None or len(columns["tick"]) == 0:
         return [np.zeros(0, dtype=np.int64) for _ in names]
     ticks, rows = np.unique(np.asarray(columns["tick"]).astype(np.int64), return_index=True)

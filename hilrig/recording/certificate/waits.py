@@ -1,52 +1,52 @@
-"""Measurements that had to wait because the controller was not free, and who made it so. One clock."""
+"""Measurements that waited for a busy controller, and which process made them wait. One clock."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from hilrig.recording.certificate.causes import CONTROLLER, DRIVER, LEAST_EXCESS, RESUME_MARGIN, stopped
 from hilrig.recording.certificate.durations import Terms, median
-from hilrig.recording.certificate.processes import CONTROLLER, DRIVER, LEAST, SOON, stopped
 from hilrig.recording.certificate.table import ControllerStamps, Flags, Stamps, Table, find
 
 
 def busy_between(answers: ControllerStamps, start: Stamps, end: Stamps) -> Stamps:
-    """Return for how long the controller was not free between `start` and `end`, (L,) ns."""
+    """Return how long the controller was busy between `start` and `end`, (L,) ns."""
     if answers.tick.size == 0:
         return np.zeros(start.size, dtype=np.int64)
     knots = np.maximum.accumulate(np.stack([answers.waiting, answers.received], axis=1).ravel())
     origin = knots[0]
     lengths = np.diff(knots, prepend=origin)
-    lengths[::2] = 0  # from received to the next waiting: not free
+    lengths[::2] = 0  # from received to the next waiting it is busy
     free = np.cumsum(lengths)
     freely = np.interp(end - origin, knots - origin, free) - np.interp(start - origin, knots - origin, free)
     return np.maximum(end - start - freely.astype(np.int64), 0)
 
 
 def who_made_wait(table: Table, terms: Terms) -> Stamps:
-    """Return for each answer, in order of reception, the process that kept the controller from being free for it, (M,).
+    """Return for each answer, in order of reception, which process kept the controller busy until then, (M,).
 
-    That is the controller if it was at work on the answer before for longer than usual. Else what kept up the
-    measurement before: a driver that published it late, its transport, or again a wait. If nothing did, it is the
-    controller, which is too slow.
+    That is the controller if the answer before took it longer than usual. Otherwise it is what delayed the measurement
+    before: a driver that published it late, its transport, or another wait. If nothing did, it is the controller, which
+    is too slow.
     """
-    answers, least = table.answers, round(LEAST * terms.period_ns)
+    answers, least = table.answers, round(LEAST_EXCESS * terms.period_ns)
     count = answers.tick.size
     if count == 0:
         return np.zeros(0, dtype=np.int64)
     excess, wait = _before(table, terms)
     occupied = np.concatenate([answers.waiting[1:], answers.published[-1:]]) - answers.received
     own = occupied - median(occupied) >= least
-    blame = np.full(count, CONTROLLER)
-    blame[1:] = _largest(excess[:-1], own[:-1], least)
+    cause = np.full(count, CONTROLLER)
+    cause[1:] = _largest(excess[:-1], own[:-1], least)
     for j in np.flatnonzero((wait[:-1] >= least) & ~own[:-1]) + 1:
         row = excess[j - 1 : j].copy()
-        row[0, blame[j - 1]] += wait[j - 1]
-        blame[j] = _largest(row, own[j - 1 : j], least)[0]
-    return blame
+        row[0, cause[j - 1]] += wait[j - 1]
+        cause[j] = _largest(row, own[j - 1 : j], least)[0]
+    return cause
 
 
 def _before(table: Table, terms: Terms) -> tuple[Stamps, Stamps]:
-    """Return by how much each answer's measurement was kept up before it was received, (M, 3), and its wait, (M,)."""
+    """Return how much each answer's measurement was delayed before it was received, (M, 3), and its wait, (M,)."""
     answers, own = table.answers, table.driver
     place, known = find(own.tick, answers.tick)
     excess = np.zeros((answers.tick.size, 3), dtype=np.int64)
@@ -57,13 +57,13 @@ def _before(table: Table, terms: Terms) -> tuple[Stamps, Stamps]:
     sent = published - np.where(known, own.due[place], published)
     way = answers.received - np.maximum(published, answers.waiting)
     excess[:, DRIVER] = sent - median(sent)
-    end = answers.received + round(SOON * terms.period_ns)
+    end = answers.received + round(RESUME_MARGIN * terms.period_ns)
     process = stopped(table, published, end, (CONTROLLER, DRIVER))
     np.add.at(excess, (np.arange(way.size), process), way - median(way))
     return excess, wait
 
 
 def _largest(excess: Stamps, own: Flags, least: int) -> Stamps:
-    """Return the process with the largest excess (K, 3); the controller where that is its own, or none is large."""
+    """Return the process with the largest excess (K, 3); the controller where `own` (K,), or where none is large."""
     most = np.argmax(excess, axis=1)
     return np.where(own | (np.max(excess, axis=1) < least), CONTROLLER, most)

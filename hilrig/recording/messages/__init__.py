@@ -1,1 +1,1 @@
-"""The messages on the bus: ROS 2 definitions (*.msg) and the codec derived from them."""
+"""The messages on the bus and in the bags: ROS 2 definitions (*.msg), and the layouts and codecs derived from them."""

@@ -1,14 +1,14 @@
-"""From ROS 2 message definitions to bytes and back: CDR, little-endian, by `struct`.
+"""ROS 2 message definitions, and the layout of their bytes: one numpy dtype for each message.
 
-A definition fixes the fields and their types; the lengths of its sequences are fixed for a trial, so that the whole
-message is one `struct` layout. The bytes are those that any ROS 2 serialiser writes.
+A definition fixes the fields and their types. The lengths of its sequences are fixed for a trial, so that all messages
+of a channel have one size and one layout. That layout is a structured dtype over the whole message: the CDR header, the
+length of each sequence, and the values. The bytes are what any ROS 2 serialiser writes (little-endian CDR).
 """
 
 from __future__ import annotations
 
 import re
-import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib import resources
 from typing import Any, NamedTuple
@@ -16,13 +16,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hilrig.core.signals import Array
-
 PACKAGE = "hilrig_msgs"
+TYPES = {name: np.dtype(name).newbyteorder("<") for name in ("float64", "int64", "uint64")}
+"""ROS type -> numpy type. All take eight bytes: the length of a sequence never needs padding before it."""
+HEADER = "CDR header"
+"""Name of the first four bytes in a message's dtype; no field of a definition can have a space in its name"""
 CDR_HEADER = b"\x00\x01\x00\x00"
-TYPES = {"float64": ("d", "<f8", 8), "int64": ("q", "<i8", 8), "uint64": ("Q", "<u8", 8)}
-"""ROS type -> (struct letter, numpy type, bytes). All of eight bytes: no field needs padding but behind a length."""
+"""Little-endian CDR"""
+LEAD = bytes(4)
+"""Bytes to put before a message in memory: then all its values are aligned, as compiled kernels need them"""
+TICK = slice(4, 12)
+"""Bytes of a message's first field, which is the tick in all of them: uint64, little-endian"""
 
+_UINT32 = np.dtype("<u4")
 _FIELD = re.compile(r"^(?P<type>\w+)(?P<array>\[(?P<size>\d*)\])?\s+(?P<name>\w+)\s*(?:#.*)?$")
 
 
@@ -42,8 +48,8 @@ class Definition(NamedTuple):
     fields: tuple[Field, ...]
 
 
-def parse(name: str, text: str) -> Definition:
-    """Return the definition with this text. Raises ValueError for a type that the codec does not know."""
+def parse_definition(name: str, text: str) -> Definition:
+    """Return the definition with this text. Raises ValueError, with the line, for a type that is not in TYPES."""
     fields: list[Field] = []
     for line in text.splitlines():
         if not line.strip() or line.lstrip().startswith("#"):
@@ -59,127 +65,132 @@ def parse(name: str, text: str) -> Definition:
 @cache
 def definition(name: str) -> Definition:
     """Return the definition in messages/<name>.msg."""
-    return parse(name, (resources.files("hilrig.recording.messages") / f"{name}.msg").read_text(encoding="utf-8"))
+    text = (resources.files("hilrig.recording.messages") / f"{name}.msg").read_text(encoding="utf-8")
+    return parse_definition(name, text)
 
 
 def extended(base: Definition, arrays: Mapping[str, int]) -> Definition:
-    """Return `base` with float64 arrays of these lengths behind its own fields."""
+    """Return `base` with float64 arrays of these lengths after its own fields."""
     lines = "".join(f"float64[{size}] {name}\n" for name, size in arrays.items())
-    return parse(base.name.rsplit("/", 1)[1], base.text + lines)
+    return parse_definition(base.name.rsplit("/", 1)[1], base.text + lines)
+
+
+def message_dtype(definition: Definition, length: Callable[[str, int], int]) -> np.dtype[Any]:
+    """Return the layout of a message: its header, and its fields, each sequence with its length before it.
+
+    `length` takes a sequence's name and the offset of its length in the message, and returns how long it is. CDR aligns
+    a number to its own size, counted from the end of the header; an empty sequence has no number to align.
+    """
+    layout: dict[str, tuple[np.dtype[Any], int]] = {HEADER: (_UINT32, 0)}
+    end = _UINT32.itemsize
+    for field in definition.fields:
+        number, shape = TYPES[field.type], () if field.size is None else (field.size,)
+        if field.size == 0:
+            shape = (length(field.name, end),)
+            layout[_length_of(field.name)] = (_UINT32, end)
+            end += _UINT32.itemsize
+        form = np.dtype((number, shape))
+        if form.itemsize:
+            end += -(end - len(CDR_HEADER)) % number.itemsize
+        layout[field.name] = (form, end)
+        end += form.itemsize
+    formats, offsets = zip(*layout.values(), strict=True)
+    return np.dtype({"names": list(layout), "formats": formats, "offsets": offsets, "itemsize": end})
+
+
+def sizes_in(definition: Definition, payload: bytes) -> dict[str, int]:
+    """Return the lengths of the sequences in one message, as the message itself gives them."""
+    sizes: dict[str, int] = {}
+
+    def read(name: str, offset: int) -> int:
+        sizes[name] = int.from_bytes(payload[offset : offset + _UINT32.itemsize], "little")
+        return sizes[name]
+
+    message_dtype(definition, read)
+    return sizes
+
+
+def _length_of(sequence: str) -> str:
+    """Return the name that the length of a sequence has in a message's dtype."""
+    return f"length of {sequence}"
 
 
 class Codec:
-    """Packs and unpacks one message type whose sequences have fixed lengths."""
+    """Packs and unpacks the messages of one definition whose sequences have fixed lengths."""
 
     def __init__(self, definition: Definition, sizes: Mapping[str, int]) -> None:
         """`sizes` gives the length of every sequence (a field `type[]`). Raises KeyError if one is missing."""
         self.definition = definition
-        layout, self._plan, offset = "<4s", [], 4
-        for field in definition.fields:
-            letter, dtype, width = TYPES[field.type]
-            count = 1 if field.size is None else field.size or sizes[field.name]
-            is_sequence = field.size == 0
-            if is_sequence:
-                layout, offset = layout + "I", offset + 4
-            if count:
-                gap = -(offset - len(CDR_HEADER)) % width
-                layout, offset = layout + f"{gap}x" * bool(gap), offset + gap
-            self._plan.append((field.name, count, is_sequence, field.size is None, offset, dtype))
-            layout, offset = layout + f"{count}{letter}" * bool(count), offset + count * width
-        self.layout = struct.Struct(layout)
-        """Of the whole message: the header, then lengths and values in the order of the fields"""
-        self._words = [
-            (count, is_scalar, (at - len(CDR_HEADER)) // 8, np.dtype(dtype))
-            for _, count, _, is_scalar, at, dtype in self._plan
-        ]
-        self.size = offset
+        self.dtype = message_dtype(definition, lambda name, _: sizes[name])
+        """The layout of a whole message"""
+        self.size = self.dtype.itemsize
+        """Bytes of a message"""
+        self.names = [field.name for field in definition.fields]
+        """The fields of the definition, in its order"""
+        names = self.dtype.names or ()
+        self._shapes = [self.dtype[name].shape for name in self.names]
+        self._places = [names.index(name) for name in self.names]
+        self._zero = np.zeros((), self.dtype)
+        self._zero[HEADER] = np.frombuffer(CDR_HEADER, _UINT32)[0]
+        for name in self.names:
+            if _length_of(name) in names:
+                self._zero[_length_of(name)] = self.dtype[name].shape[0]
+        self._constants = [name for name in names if name not in self.names]
 
     def pack(self, values: Sequence[Any]) -> bytes:
-        """Return the message with these values, one per field in order: a number, or an array of the field's length.
+        """Return the message with these values, one for each field in order: a number, or an array of its length.
 
-        Raises struct.error if a length does not fit.
+        Raises ValueError if a length does not fit.
         """
-        flat: list[Any] = [CDR_HEADER]
-        for (_, count, is_sequence, is_scalar, _, _), value in zip(self._plan, values, strict=True):
-            if is_sequence:
-                flat.append(count)
-            if is_scalar:
-                flat.append(value)
-            else:
-                flat.extend(value.tolist())
-        return self.layout.pack(*flat)
+        message = self._zero.copy()
+        for name, shape, value in zip(self.names, self._shapes, values, strict=True):
+            # numpy would fill an array with a single number.
+            if (found := getattr(value, "shape", ())) != shape:
+                raise ValueError(f"{self.definition.name}: {name} has the shape {found}, expected {shape}")
+            message[name] = value
+        return message.tobytes()
 
     def zero(self) -> bytes:
         """Return the message in which every value is zero."""
-        fields = ((count, is_scalar, dtype) for _, count, _, is_scalar, _, dtype in self._plan)
-        return self.pack([0 if is_scalar else np.zeros(count, dtype) for count, is_scalar, dtype in fields])
+        return self._zero.tobytes()
 
     def unpack(self, payload: bytes) -> list[Any]:
-        """Return the values in order: numbers, and arrays (of a copy) for everything else.
+        """Return the values in order: Python's numbers, and arrays that are the caller's own.
 
-        Raises ValueError if the payload has another length or encoding.
+        Raises ValueError if the payload has another size or encoding.
         """
-        self._check(payload)
-        # Every field begins at a multiple of eight bytes behind the header: one copy serves all of them.
-        words = np.frombuffer(payload, np.uint64, (self.size - len(CDR_HEADER)) // 8, len(CDR_HEADER)).copy()
-        return [
-            words[at].view(dtype).item() if is_scalar else words[at : at + count].view(dtype)
-            for count, is_scalar, at, dtype in self._words
-        ]
+        if len(payload) != self.size:
+            raise self.wrong_size(len(payload))
+        if payload[: len(CDR_HEADER)] != CDR_HEADER:
+            found, expected = payload[: len(CDR_HEADER)].hex(), CDR_HEADER.hex()
+            raise ValueError(f"{self.definition.name}: a message that begins with {found}, expected {expected}")
+        items = np.ndarray((), self.dtype, bytearray(LEAD + payload), len(LEAD)).item()
+        return [items[place] for place in self._places]
 
-    def columns(self, payloads: Sequence[bytes]) -> dict[str, Array]:
-        """Return each field of many messages at once: (N,) for scalars, (N, k) for arrays.
+    def columns(self, payloads: Sequence[bytes]) -> dict[str, NDArray[Any]]:
+        """Return each field of N messages at once: (N,) for scalars, (N, k) for arrays.
 
-        Raises ValueError if a payload has another length or encoding.
+        Raises ValueError if a payload has another size, encoding or length of a sequence.
         """
         for payload in payloads:
-            self._check(payload)
+            if len(payload) != self.size:
+                raise self.wrong_size(len(payload))
         return self.table(np.frombuffer(b"".join(payloads), np.uint8).reshape(-1, self.size))
 
-    def table(self, payloads: NDArray[np.uint8]) -> dict[str, Array]:
-        """Return each field of messages (N, size): (N,) for scalars, (N, k) for arrays."""
-        table = np.ascontiguousarray(payloads).view(self._dtype())[:, 0]
-        return {name: np.ascontiguousarray(table[name]) for name, *_ in self._plan}
+    def table(self, payloads: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
+        """Return each field of messages (N, size): (N,) for scalars, (N, k) for arrays.
 
-    def views(self, words: NDArray[np.uint64], first: int) -> list[NDArray[Any]]:
-        """Return each field in many messages that lie in `words`, (N, ...), from word `first` behind their headers.
-
-        (N,) for numbers, (N, k) for arrays; what is written into them is in the messages.
+        Raises ValueError if they have another size, encoding or length of a sequence.
         """
-        return [
-            words.view(dtype)[:, first + at] if is_scalar else words.view(dtype)[:, first + at : first + at + count]
-            for count, is_scalar, at, dtype in self._words
-        ]
+        if payloads.shape[1] != self.size:
+            raise self.wrong_size(payloads.shape[1])
+        table = np.ascontiguousarray(payloads).view(self.dtype)[:, 0]
+        for name in self._constants:
+            if (wrong := table[name] != self._zero[name]).any():
+                found = table[name][np.argmax(wrong)]
+                raise ValueError(f"{self.definition.name}: the {name} is {found}, expected {self._zero[name]}")
+        return {name: np.ascontiguousarray(table[name]) for name in self.names}
 
-    def word_of(self, field: int) -> int:
-        """Return where the field with this index begins, in words behind the header; one behind the last: the end."""
-        return self._words[field][2] if field < len(self._words) else -(-(self.size - len(CDR_HEADER)) // 8)
-
-    def _dtype(self) -> np.dtype[Any]:
-        names, formats, offsets = [], [], []
-        for name, count, _, is_scalar, offset, dtype in self._plan:
-            names.append(name)
-            formats.append(dtype if is_scalar else (dtype, (count,)))
-            offsets.append(offset)
-        return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": self.size})
-
-    def _check(self, payload: bytes) -> None:
-        if len(payload) != self.size or payload[:4] != CDR_HEADER:
-            raise ValueError(
-                f"{self.definition.name}: {len(payload)} bytes that begin with {payload[:4].hex()}, "
-                f"expected {self.size} that begin with {CDR_HEADER.hex()}"
-            )
-
-
-def sizes_in(definition: Definition, payload: bytes) -> dict[str, int]:
-    """Return the lengths of the sequences in one message, read from its own length fields."""
-    sizes, offset = {}, 4
-    for field in definition.fields:
-        width = TYPES[field.type][2]
-        count = 1 if field.size is None else field.size
-        if field.size == 0:
-            (count,) = struct.unpack_from("<I", payload, offset)
-            sizes[field.name], offset = count, offset + 4
-        if count:
-            offset += -(offset - 4) % width + count * width
-    return sizes
+    def wrong_size(self, size: int) -> ValueError:
+        """Return the error to raise for a message of so many bytes."""
+        return ValueError(f"{self.definition.name}: a message of {size} bytes, expected {self.size}")

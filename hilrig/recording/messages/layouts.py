@@ -1,4 +1,4 @@
-"""The channels of a trial and the layout of their messages. Every channel has one message a tick, all of one size."""
+"""The channels of a trial and the codec of each. A channel has one message a tick, and all of them have one size."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ CHANNELS = {
 
 
 def definitions(memory: Mapping[str, int]) -> dict[str, Definition]:
-    """Return the definition of every channel of a trial whose law remembers these fields (name -> length)."""
+    """Return the definition of every channel; `memory` gives the fields of the law's memory (name -> length)."""
     found = {channel: definition(message) for channel, message in CHANNELS.items()}
     return {**found, "internals": extended(found["internals"], memory)}
 
 
 def layouts(joints: int, axes: int, memory: Mapping[str, int]) -> dict[str, Codec]:
-    """Return the codec of every channel for a robot with so many joints and task axes."""
+    """Return the codec of every channel for a robot with this many joints and task axes, and a law with this memory."""
     found = definitions(memory)
     per_joint = dict.fromkeys(("joint_position", "joint_velocity", "applied_torque", "torque"), joints)
     per_axis = {"position": axes, "velocity": axes, "wrench": 6}

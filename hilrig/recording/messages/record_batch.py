@@ -1,58 +1,67 @@
-"""Many messages of one kind as a table: written in place by field, sent by row, recorded as a whole.
+"""Many messages of one channel in one array: written by field, sent by row, recorded together.
 
-A message that lies ready costs the loop neither a list of its numbers nor a call of `struct`; kernels write into it.
+Compiled kernels write straight into the messages, so that no tick packs anything.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hilrig.recording.messages.codec import CDR_HEADER, Codec
+from hilrig.recording.messages.codec import LEAD, Codec
 
 WORD = 8
-"""Bytes. Every field of a message begins at a whole number of words behind the header."""
-_PAD = WORD - len(CDR_HEADER)
-"""Bytes before each row in memory, so that its fields are aligned"""
+"""Bytes of a number. Each row takes whole words, so that the numbers of every row are aligned."""
 
 
 class RecordBatch:
-    """Room for `rows` messages; headers and the lengths of sequences are written, all values are zero."""
+    """Room for `rows` messages. Headers and the lengths of sequences are set, all values are zero."""
 
     def __init__(self, codec: Codec, rows: int) -> None:
         self._codec = codec
-        memory = np.zeros((rows, -(-(_PAD + codec.size) // WORD)), np.uint64)
-        self.payloads: NDArray[np.uint8] = memory.view(np.uint8)[:, _PAD : _PAD + codec.size]
+        self._words = np.zeros((rows, -(-(len(LEAD) + codec.size) // WORD)), np.float64)
+        stride = self._words.shape[1] * WORD
+        self._ends = range(len(LEAD) + codec.size, rows * stride + 1, stride)
+        self.payloads: NDArray[np.uint8] = self._words.view(np.uint8)[:, len(LEAD) : len(LEAD) + codec.size]
         """The messages, (rows, bytes)"""
         self.payloads[:] = np.frombuffer(codec.zero(), np.uint8)
-        self.fields = codec.views(memory, 1)
+        messages = np.ndarray((rows,), codec.dtype, self._words, len(LEAD), (stride,))
+        self.fields = [messages[name] for name in codec.names]
         """One array for each field of the definition, in its order: (rows,) or (rows, length)"""
-        self._memory = memory
-        self._bytes = memory.reshape(-1).view(np.uint8).data
-        self._stride = memory.shape[1] * WORD
+        self._values = messages[codec.names]
 
     def words(self, first: int) -> NDArray[np.float64]:
-        """Return all that stands from the field with index `first` on as one array (rows, words), if fields lie so."""
-        return self._memory.view(np.float64)[:, self._codec.word_of(first) + 1 :]
+        """Return everything from the field with index `first` on as one array of float64, (rows, words).
+
+        These fields must be arrays of float64 of fixed length, which follow each other without a gap.
+        """
+        count = sum(math.prod(field.shape[1:]) for field in self.fields[first:])
+        return self._words[:, self._words.shape[1] - count :]
 
     def message(self, row: int) -> bytes:
         """Return the message in a row."""
-        start = row * self._stride + _PAD
-        return bytes(self._bytes[start : start + self._codec.size])
+        return self._messages[row].tobytes()
 
     def read(self, row: int, payload: bytes) -> None:
-        """Put a message into a row. Raises ValueError if it has another length."""
-        start = row * self._stride + _PAD
+        """Put a message into a row. Raises ValueError if it has another size."""
         try:
-            self._bytes[start : start + self._codec.size] = payload
+            self._messages[row][:] = payload
         except ValueError:
-            name, size = self._codec.definition.name, self._codec.size
-            raise ValueError(f"{name}: a message of {len(payload)} bytes, expected {size}") from None
+            raise self._codec.wrong_size(len(payload)) from None
 
-    def write(self, rows: Iterable[tuple[float, ...]]) -> None:
-        """Write messages of numbers into the first rows; raises struct.error if the definition has arrays."""
-        pack_into, memory, stride = self._codec.layout.pack_into, self._bytes, self._stride
-        for row, values in enumerate(rows):
-            pack_into(memory, row * stride + _PAD, CDR_HEADER, *values)
+    def write(self, rows: Sequence[tuple[float, ...]]) -> None:
+        """Write messages into the first rows, each as a tuple of its values, all numbers.
+
+        Raises ValueError or OverflowError if one does not fit.
+        """
+        self._values[: len(rows)] = rows
+
+    @cached_property
+    def _messages(self) -> list[memoryview]:
+        """The bytes of each row; made when they are first asked for, for a compiled loop has no need of them."""
+        memory = self._words.reshape(-1).view(np.uint8).data
+        return [memory[end - self._codec.size : end] for end in self._ends]

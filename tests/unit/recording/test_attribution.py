@@ -1,4 +1,4 @@
-"""Who caused a late tick, against a simulation that knows whom it made to stall."""
+"""Which process caused a late tick, against a simulation that knows which one it stalled."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hilrig.recording.certificate.attribution import attribute
+from hilrig.recording.certificate.causes import CAUSES
 from hilrig.recording.certificate.durations import Terms
-from hilrig.recording.certificate.processes import CULPRITS
 from hilrig.recording.certificate.table import Table, join
 
 APART = 30
@@ -46,7 +46,7 @@ def with_stalls(kinds: list[str], seed: int, **settings: Any) -> Loop:
 @pytest.mark.parametrize("name", [name for name in LOOPS if name != "slow law"])
 @given(kinds=st.lists(st.sampled_from(list(KINDS)), min_size=1, max_size=8), seed=st.integers(0, 2**31))
 @settings(max_examples=12, deadline=None)
-def test_every_stall_is_seen_and_its_late_ticks_go_to_its_culprit(name: str, kinds: list[str], seed: int) -> None:
+def test_every_stall_is_seen_and_its_late_ticks_go_to_its_cause(name: str, kinds: list[str], seed: int) -> None:
     """All late ticks after a stall are its doing, up to the next one; one in a hundred or two may be put down wrongly.
 
     So much is lost where a measurement waits behind others and on two hosts: of each stall most of its ticks are right.
@@ -57,7 +57,7 @@ def test_every_stall_is_seen_and_its_late_ticks_go_to_its_culprit(name: str, kin
     starts = np.array([stall.tick for stall in loop.stalls])
     for stall, after in zip(loop.stalls, [*starts[1:], loop.ticks], strict=True):
         mine = (table.driver.tick >= stall.tick - 1) & (table.driver.tick < after - 1) & found.late
-        right = found.cause[mine] == CULPRITS.index(KINDS[stall.kind])
+        right = found.cause[mine] == CAUSES.index(KINDS[stall.kind])
         assert right.size > 0 or stall.length < (loop.delay + 1) * loop.period, stall
         assert np.count_nonzero(right) > 0.5 * right.size or right.size == 0, (stall, found.cause[mine])
 
@@ -75,7 +75,7 @@ def test_of_many_late_ticks_nearly_all_are_put_down_rightly(name: str, least: fl
     late = np.flatnonzero(found.late)
     starts = np.array([stall.tick - 1 for stall in loop.stalls])
     truth = [KINDS[loop.stalls[i].kind] for i in np.searchsorted(starts, table.driver.tick[late], side="right") - 1]
-    right = [CULPRITS[found.cause[tick]] == cause for tick, cause in zip(late, truth, strict=True)]
+    right = [CAUSES[found.cause[tick]] == cause for tick, cause in zip(late, truth, strict=True)]
     assert len(right) > 100
     assert np.mean(right) >= least
 
@@ -86,7 +86,7 @@ def test_a_stall_alone_is_the_only_one(kind: str) -> None:
     table, terms = certified(Loop([Stall(kind, 50, 3 * MS)], 100, seed=3))
     found = attribute(table, terms)
     assert found.late.any()
-    assert found.counts() == {**dict.fromkeys(CULPRITS, 0), KINDS[kind]: int(np.count_nonzero(found.late))}
+    assert found.counts() == {**dict.fromkeys(CAUSES, 0), KINDS[kind]: int(np.count_nonzero(found.late))}
 
 
 def test_a_quiet_loop_is_never_late() -> None:
@@ -94,7 +94,7 @@ def test_a_quiet_loop_is_never_late() -> None:
     assert not attribute(table, terms).late.any()
 
 
-def test_a_controller_that_is_always_too_slow_is_the_culprit() -> None:
+def test_a_controller_that_is_always_too_slow_is_the_cause() -> None:
     """Nothing is unusual then: its share alone is more than the time there is."""
     table, terms = certified(Loop([], 300, compute=1_300_000))
     found = attribute(table, terms)
@@ -125,4 +125,4 @@ def test_a_record_that_ends_before_the_answer_does_not_tell() -> None:
     found = attribute(join(own, cut), Terms("realtime", 1e-3, 1))
     late = found.late & (own["tick"] > 95)
     assert late.sum() == 4
-    assert {CULPRITS[c] for c in found.cause[late]} == {"unknown"}
+    assert {CAUSES[c] for c in found.cause[late]} == {"unknown"}

@@ -10,11 +10,13 @@ from helpers.loop_simulation import Loop, Stall
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hilrig.recording.certificate.budget import Budget, broken
+from hilrig.experiment.timing_budget import TimingBudget
+from hilrig.recording.certificate.budget import violations
 from hilrig.recording.certificate.durations import Terms, command_age, durations, late_ticks
 from hilrig.recording.certificate.histogram import histogram, lower_edges, quantiles, tail
+from hilrig.recording.certificate.late import is_late
 from hilrig.recording.certificate.table import join
-from hilrig.recording.timing import summarise
+from hilrig.recording.timing import certify
 
 MICRO = 1000
 MS = 1_000_000
@@ -93,6 +95,23 @@ def test_late_is_an_older_command_or_an_effect_a_period_after_due(terms: Terms, 
     np.testing.assert_array_equal(late_ticks(table, terms), np.array(late, dtype=bool))
 
 
+@pytest.mark.parametrize(
+    ("command", "applied", "late"),
+    [
+        (4, 0, False),  # in time: tick 5, delay 1
+        (3, 0, True),  # the command is one tick too old
+        (4, 1_000_000, True),  # applied a whole period after the tick was due
+        (4, 999_999, False),
+        (3, 2_000_000, True),
+    ],
+)
+def test_a_tick_is_late_by_its_command_or_by_when_it_was_applied(command: int, applied: int, late: bool) -> None:
+    """With ticks as the wire has them, unsigned."""
+    due = 7_000_000_000
+    stamps = (np.array([value]) for value in (command, due, due + applied))
+    assert is_late(np.array([5], np.uint64), *stamps, delay=1, period_ns=MS).tolist() == [late]
+
+
 @pytest.mark.parametrize("delay", [0, 1, 3])
 def test_the_first_ticks_have_no_command_and_are_not_late(delay: int) -> None:
     commands = np.maximum(np.arange(6) - delay, -1)
@@ -105,7 +124,8 @@ def test_the_age_of_a_command_that_is_held_grows() -> None:
     np.testing.assert_array_equal(ages, np.array([1030, 2030, 3030, 1030]) * MICRO)
 
 
-BUDGET = Budget(0.005, 1.25e-3)
+BUDGET = TimingBudget()
+"""The default: 0.5 % late ticks, and with a delay of 1 a command age of 1.25 ms"""
 
 
 @pytest.mark.parametrize(
@@ -116,15 +136,17 @@ BUDGET = Budget(0.005, 1.25e-3)
         (1000, 0, 1.26, ["command age p99 1.26 ms, at most 1.25 ms"]),
         (100_000, 501, 2.0, ["late ticks 0.501 %, at most 0.5 %", "command age p99 2 ms, at most 1.25 ms"]),
         (10_000_000, 50_001, 1.0, ["late ticks 0.50001 %, at most 0.5 %"]),
-        (0, 0, 1.0, ["no tick left a stamp: nothing shows that the loop kept its period"]),
+        (0, 0, 1.0, ["no tick was stamped: nothing shows that the loop kept its period"]),
     ],
 )
 def test_a_reason_names_value_and_limit(ticks: int, late: int, age: float, reasons: list[str]) -> None:
-    assert broken(BUDGET, ticks, late, np.full(100, round(age * MS))) == reasons
+    assert violations(BUDGET, REALTIME, ticks, late, np.full(100, round(age * MS))) == reasons
 
 
 def test_a_loop_without_any_command_kept_no_budget() -> None:
-    assert broken(BUDGET, 10, 0, np.zeros(0, dtype=np.int64)) == ["no command took effect: its age is not known"]
+    assert violations(BUDGET, REALTIME, 10, 0, np.zeros(0, dtype=np.int64)) == [
+        "no command took effect: its age is not known"
+    ]
 
 
 @given(st.lists(st.integers(-(2**50), 2**50), min_size=1, max_size=50))
@@ -161,7 +183,7 @@ def test_a_record_with_holes_says_less_and_breaks_nothing(data: st.DataObject) -
     kept = [np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)), dtype=bool)
             for n in (own["tick"].size, other["tick"].size)]  # fmt: skip
     cut = [{name: values[rows] for name, values in columns.items()} for columns, rows in zip(HOLED, kept, strict=True)]
-    found = summarise(REALTIME, BUDGET, {"driver_timing": cut[0], "controller_timing": cut[1]})
+    found = certify(REALTIME, BUDGET, {"driver_timing": cut[0], "controller_timing": cut[1]})
     assert found["late"] == np.count_nonzero(whole[kept[0]]) == sum(found["late_by"].values())
 
 

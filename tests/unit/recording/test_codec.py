@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from hilrig.recording.messages.codec import Codec, definition, parse, sizes_in
+from hilrig.recording.messages.codec import HEADER, TICK, Codec, definition, parse_definition, sizes_in
 
 
 def same(got: list, expected: list) -> None:
@@ -45,11 +45,41 @@ def test_a_payload_of_another_length_or_encoding_is_refused(name: str, data: st.
     codec, values = data.draw(messages(name))
     payload = codec.pack(values)
     cut = data.draw(st.integers(0, len(payload) - 1))
-    for wrong in (payload[:cut], payload + b"\0", b"\x00\x00" + payload[2:]):
-        with pytest.raises(ValueError, match=codec.definition.name):
-            codec.unpack(wrong)
-        with pytest.raises(ValueError, match=codec.definition.name):
-            codec.columns([payload, wrong])
+    for wrong in (payload[:cut], payload + b"\0"):
+        both = f"{codec.definition.name}: a message of {len(wrong)} bytes, expected {codec.size}"
+        for reading in (
+            lambda wrong=wrong: codec.unpack(wrong),
+            lambda wrong=wrong: codec.columns([payload, wrong]),
+            lambda wrong=wrong: codec.table(np.frombuffer(wrong, np.uint8)[None]),
+        ):
+            with pytest.raises(ValueError, match=both):
+                reading()
+    big_endian = b"\x00\x00" + payload[2:]
+    with pytest.raises(ValueError, match=f"{codec.definition.name}: a message that begins with 00000000"):
+        codec.unpack(big_endian)
+    with pytest.raises(ValueError, match=f"{codec.definition.name}: the {HEADER} is 0, expected 256"):
+        codec.columns([payload, big_endian])
+
+
+def test_a_table_of_messages_with_other_lengths_of_the_same_size_is_refused() -> None:
+    """Two sequences of 2 and 3 numbers take as many bytes as those of 3 and 2."""
+    mine, other = (Codec(definition("Command"), {"torque": n, "position": 5 - n}) for n in (2, 3))
+    assert mine.size == other.size
+    with pytest.raises(ValueError, match="hilrig_msgs/msg/Command: the length of torque is 3, expected 2"):
+        mine.columns([mine.zero(), other.zero()])
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+@given(data=st.data())
+def test_the_dtype_covers_every_byte_but_those_that_align(name: str, data: st.DataObject) -> None:
+    """Fields do not overlap; between them there are less than eight bytes, which are zero."""
+    codec, values = data.draw(messages(name))
+    end, payload = 0, codec.pack(values)
+    for form, offset, *_ in (codec.dtype.fields or {}).values():
+        assert 0 <= offset - end < 8
+        assert not any(payload[end:offset])
+        end = offset + form.itemsize
+    assert end == codec.size == len(payload)
 
 
 def test_columns_stack_the_fields_of_many_messages() -> None:
@@ -94,8 +124,21 @@ def test_unpacked_arrays_are_the_readers_own() -> None:
 
 def test_a_wrong_length_is_not_packed() -> None:
     codec = Codec(definition("Command"), {"torque": 2, "position": 2})
-    with pytest.raises(Exception, match="pack expected"):
-        codec.pack((1, 0.0, np.ones(3), np.ones(2)))
+    for wrong in (np.ones(3), np.ones(1), 1.0):
+        with pytest.raises(ValueError, match=r"Command: torque has the shape \(.*\), expected \(2,\)"):
+            codec.pack((1, 0.0, wrong, np.ones(2)))
+    with pytest.raises(ValueError, match="shorter"):
+        codec.pack((1, 0.0, np.ones(2)))
+
+
+def test_unpacked_numbers_are_pythons_and_arrays_are_aligned() -> None:
+    """A tick is subtracted from, which numpy's unsigned numbers do not survive; kernels take aligned arrays only."""
+    codec = Codec(definition("Command"), {"torque": 2, "position": 2})
+    tick, time, torque, _ = codec.unpack(codec.pack((1, 0.5, np.ones(2), np.ones(2))))
+    assert (type(tick), type(time)) == (int, float)
+    assert torque.flags.aligned
+    assert torque.flags.writeable
+    assert torque.dtype == np.float64
 
 
 @pytest.mark.parametrize(
@@ -103,10 +146,14 @@ def test_a_wrong_length_is_not_packed() -> None:
 )
 def test_a_definition_that_the_codec_cannot_pack_is_refused(line: str) -> None:
     with pytest.raises(ValueError, match="Mine: cannot read the line"):
-        parse("Mine", f"uint64 tick\n{line}\n")
+        parse_definition("Mine", f"uint64 tick\n{line}\n")
 
 
 def test_every_message_begins_with_its_tick() -> None:
     """The recorder reads the tick of any payload without knowing its type."""
     for name in MESSAGES:
-        assert definition(name).fields[0] == ("tick", "uint64", None)
+        form = definition(name)
+        assert form.fields[0] == ("tick", "uint64", None)
+        codec = Codec(form, {field.name: 1 for field in form.fields if field.size == 0})
+        layout, offset, *_ = (codec.dtype.fields or {})["tick"]
+        assert (offset, offset + layout.itemsize) == (TICK.start, TICK.stop)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from typing import Any
 
 import numpy as np
@@ -69,10 +68,19 @@ def test_messages_of_numbers_are_written_from_the_first_row_on(values: list[int]
     assert batch.message(1) == codec.zero()
 
 
-def test_a_message_with_arrays_is_not_written_so() -> None:
-    batch = RecordBatch(Codec(definition("Command"), {"torque": 2, "position": 2}), 2)
-    with pytest.raises(struct.error):
-        batch.write([(1, 0.0, np.ones(2), np.ones(2))])
+@pytest.mark.parametrize("wrong", [(1, 0.5, 2), (1, 0.5, 2, 3, 4, 5, 2**63), (-1, 0.5, 2, 3, 4, 5, 6)])
+def test_numbers_that_do_not_fit_are_not_written(wrong: tuple[int, ...]) -> None:
+    batch = RecordBatch(Codec(definition("ControllerTiming"), {}), 2)
+    with pytest.raises((ValueError, OverflowError)):
+        batch.write([wrong])
+
+
+def test_more_messages_than_rows_are_not_written() -> None:
+    batch = RecordBatch(Codec(definition("ControllerTiming"), {}), 2)
+    with pytest.raises(ValueError, match="shape"):
+        batch.write([(0,) * 7] * 3)
+    batch.write([])
+    assert batch.message(0) == batch.message(1)
 
 
 @given(sizes=st.lists(st.integers(1, 5), max_size=3))

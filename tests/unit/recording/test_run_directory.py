@@ -48,15 +48,15 @@ def test_what_is_no_run_is_refused_with_what_it_lacks(tmp_path: Path) -> None:
     with pytest.raises(RunDirectoryError, match="there is no such directory"):
         find_run(tmp_path / "none")
     (tmp_path / "plan.json").write_text("{")
-    with pytest.raises(RunDirectoryError, match=r"it has no experiment\.yaml, manifest\.json, trials"):
+    with pytest.raises(RunDirectoryError, match=r"it lacks experiment\.yaml, manifest\.json, trials"):
         find_run(tmp_path)
     with pytest.raises(RunDirectoryError, match="not JSON"):
         read_json(tmp_path / "plan.json")
     (tmp_path / "plan.json").write_text("{}")
-    with pytest.raises(RunDirectoryError, match="damaged, it has no experiment, trials"):
+    with pytest.raises(RunDirectoryError, match="damaged: it lacks experiment, trials"):
         read_trial(tmp_path, "a")
     (tmp_path / "plan.json").write_text(json.dumps({"experiment": {}, "trials": []}))
-    with pytest.raises(RunDirectoryError, match="its plan has no trial 'a'"):
+    with pytest.raises(RunDirectoryError, match="the plan has no trial 'a'"):
         read_trial(tmp_path, "a")
 
 
@@ -87,7 +87,7 @@ def test_runs_begun_at_the_same_moment_have_directories_of_their_own(tmp_path: P
 
 def test_a_run_that_cannot_be_made_names_the_place(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(RunDirectoryError, match=r"file/.*: cannot be made: Not a directory"):
+    with pytest.raises(RunDirectoryError, match=r"file/.*: cannot make this directory: Not a directory"):
         create_run(tmp_path / "file", "name", b"", {})
 
 

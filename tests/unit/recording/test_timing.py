@@ -9,13 +9,13 @@ import pytest
 from helpers.builders import trial
 from helpers.loop_simulation import MS, Loop, Stall
 
-from hilrig.experiment.trial import TimingBudget, Trial
-from hilrig.recording.certificate.budget import Budget
+from hilrig.experiment.timing_budget import TimingBudget
+from hilrig.experiment.trial import Trial
 from hilrig.recording.certificate.durations import Terms
 from hilrig.recording.certificate.table import Columns
-from hilrig.recording.timing import QUANTITIES, budget_of, summarise, terms_of
+from hilrig.recording.timing import DURATIONS, certify, terms_of
 
-TERMS, BUDGET = Terms("realtime", 1e-3, 1), Budget(0.005, 1.25e-3)
+TERMS, BUDGET = Terms("realtime", 1e-3, 1), TimingBudget()
 
 
 def channels(*stalls: Stall, ticks: int = 200) -> dict[str, Columns]:
@@ -23,7 +23,7 @@ def channels(*stalls: Stall, ticks: int = 200) -> dict[str, Columns]:
 
 
 def test_a_good_trial_is_valid() -> None:
-    timing = summarise(TERMS, BUDGET, channels())
+    timing = certify(TERMS, BUDGET, channels())
     assert (timing["clock"], timing["ticks"], timing["late"], timing["late_fraction"]) == ("realtime", 200, 0, 0.0)
     assert (timing["valid"], timing["invalid_because"], timing["one_clock"]) == (True, [], True)
     assert timing["budget"] == {"late_fraction": 0.005, "command_age_p99": 1.25e-3}
@@ -33,7 +33,7 @@ def test_a_good_trial_is_valid() -> None:
 
 
 def test_a_late_trial_says_through_whom_and_why_it_is_invalid() -> None:
-    timing = summarise(
+    timing = certify(
         TERMS, BUDGET, channels(Stall("controller_compute", 50, int(2.4 * MS)), Stall("state_loss", 90, 0))
     )
     assert timing["late_by"] == {"driver": 0, "transport": 1, "controller": 2, "unknown": 0}
@@ -43,8 +43,8 @@ def test_a_late_trial_says_through_whom_and_why_it_is_invalid() -> None:
 
 def test_every_histogram_counts_every_value() -> None:
     stamps = channels()
-    timing = summarise(TERMS, BUDGET, stamps)
-    assert set(timing["histograms"]) == set(QUANTITIES)
+    timing = certify(TERMS, BUDGET, stamps)
+    assert set(timing["histograms"]) == set(DURATIONS)
     lateness = np.sort(stamps["driver_timing"]["woke"] - stamps["driver_timing"]["due"])
     bins = timing["histograms"]["lateness"]
     spread = np.concatenate([np.full(count, edge) for edge, count in bins])
@@ -54,28 +54,32 @@ def test_every_histogram_counts_every_value() -> None:
 
 
 def test_lockstep_has_nothing_to_keep() -> None:
-    timing = summarise(TERMS._replace(clock="lockstep"), BUDGET, channels(Stall("driver_publish", 50, 9 * MS)))
+    timing = certify(TERMS._replace(clock="lockstep"), BUDGET, channels(Stall("driver_publish", 50, 9 * MS)))
     assert (timing["late"], timing["valid"], timing["invalid_because"], timing["lateness_us"]) == (0, None, [], None)
     assert "lateness" not in timing["histograms"]
 
 
 @pytest.mark.parametrize(("clock", "valid"), [("lockstep", None), ("realtime", False)])
 def test_no_stamp_proves_nothing(clock: str, valid: bool | None) -> None:
-    timing = summarise(TERMS._replace(clock=clock), BUDGET, {})
+    timing = certify(TERMS._replace(clock=clock), BUDGET, {})
     assert (timing["ticks"], timing["late"], timing["valid"], timing["histograms"]) == (0, 0, valid, {})
-    assert all(timing[f"{name}_us"] is None for name in QUANTITIES)
+    assert all(timing[f"{name}_us"] is None for name in DURATIONS)
 
 
 def test_the_set_up_is_kept() -> None:
     setup = {"driver": {"memory_locked": {"wanted": True, "applied": False, "reason": "not permitted"}}}
-    assert summarise(TERMS, BUDGET, channels(), setup)["setup"] == setup
+    assert certify(TERMS, BUDGET, channels(), setup)["setup"] == setup
 
 
 def test_a_trials_document_keeps_its_budget() -> None:
     some = trial(clock="realtime", actuation_delay=2, timing=TimingBudget(0.01))
     again = Trial.from_document(json.loads(json.dumps(some.to_document())))
     assert again.timing == some.timing
-    assert budget_of(again.timing, terms_of(again.to_document())) == (0.01, pytest.approx(2.25e-3))
-    own = trial(timing=TimingBudget(command_age_p99=3e-3))
-    assert budget_of(own.timing, terms_of(own.to_document())).command_age_p99 == 3e-3
     assert terms_of(some.to_document()) == Terms("realtime", 1e-3, 2)
+    assert certify(terms_of(again.to_document()), again.timing, {})["budget"] == {
+        "late_fraction": 0.01, "command_age_p99": pytest.approx(2.25e-3),
+    }  # fmt: skip
+
+
+def test_a_limit_that_the_experiment_gives_takes_the_place_of_the_default() -> None:
+    assert certify(TERMS, TimingBudget(command_age_p99=3e-3), {})["budget"]["command_age_p99"] == 3e-3

@@ -1,4 +1,4 @@
-"""Parcels to the logger: what goes in comes out, in order, with the counts."""
+"""Packets to the logger: what goes in comes out, in order, with the counts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,16 @@ from hypothesis import strategies as st
 
 from hilrig.core.errors import RigError
 from hilrig.recording.messages.layouts import layouts
-from hilrig.rig.channels import CONTROLLER, DRIVER, LARGEST, NAMES, PARCEL, Record, RecordBatches, unpack_batches
+from hilrig.rig.channels import (
+    CONTROLLER_CHANNELS,
+    DRIVER_CHANNELS,
+    NAMES,
+    PACKET_BYTES,
+    PACKET_TICKS,
+    RecordBatches,
+    RecordSender,
+    unpack_batches,
+)
 
 MEMORY = {"gains": 3, "estimate": 2}
 CODECS = layouts(2, 2, MEMORY)
@@ -28,13 +37,13 @@ def unpacked(packets: list[bytes]) -> tuple[dict[str, bytes], dict[str, int]]:
     return messages, counts
 
 
-@given(ticks=st.integers(0, 3 * PARCEL), every=st.integers(1, PARCEL), truthful=st.booleans())
+@given(ticks=st.integers(0, 3 * PACKET_TICKS), every=st.integers(1, PACKET_TICKS), truthful=st.booleans())
 def test_what_was_written_arrives_in_order_with_its_counts(ticks: int, every: int, truthful: bool) -> None:
     """However often it is handed over, and though every row is written over again."""
     packets: list[bytes] = []
-    record = Record(packets.append, CODECS, DRIVER)
+    record = RecordSender(packets.append, CODECS, DRIVER_CHANNELS)
     sent = dict.fromkeys(NAMES, b"")
-    written = [name for name in DRIVER if truthful or name != "truth"]
+    written = [name for name in DRIVER_CHANNELS if truthful or name != "truth"]
     row = 0
     for tick in range(ticks):
         stamps = (tick, *range(tick, tick + 8))
@@ -53,31 +62,31 @@ def test_what_was_written_arrives_in_order_with_its_counts(ticks: int, every: in
     record.end()
     messages, counts = unpacked(packets)
     assert messages == sent
-    assert counts == {name: ticks * (name in written) for name in DRIVER}
-    assert all(len(packet) <= LARGEST + 100 for packet in packets)
+    assert counts == {name: ticks * (name in written) for name in DRIVER_CHANNELS}
+    assert all(len(packet) <= PACKET_BYTES + 100 for packet in packets)
 
 
 def test_nothing_is_sent_of_nothing() -> None:
     packets: list[bytes] = []
-    record = Record(packets.append, CODECS, CONTROLLER)
+    record = RecordSender(packets.append, CODECS, CONTROLLER_CHANNELS)
     record.ship()
     assert packets == []
     record.end()
-    assert unpacked(packets) == (dict.fromkeys(NAMES, b""), dict.fromkeys(CONTROLLER, 0))
+    assert unpacked(packets) == (dict.fromkeys(NAMES, b""), dict.fromkeys(CONTROLLER_CHANNELS, 0))
 
 
 @given(st.integers(1, 4000))
-def test_no_parcel_is_larger_than_the_bus_takes(size: int) -> None:
+def test_no_packet_is_larger_than_the_bus_takes(size: int) -> None:
     """Whatever a law remembers: fewer ticks at a time, or it is refused before the trial begins."""
     codecs = layouts(2, 2, {"table": size})
-    tick = sum(codecs[name].size for name in CONTROLLER)
-    if 2 * tick > LARGEST:
-        with pytest.raises(RigError, match=f"takes {tick} bytes"):
-            Record(lambda packet: None, codecs, CONTROLLER)
+    tick = sum(codecs[name].size for name in CONTROLLER_CHANNELS)
+    if 2 * tick > PACKET_BYTES:
+        with pytest.raises(RigError, match=f"take {tick} bytes"):
+            RecordSender(lambda packet: None, codecs, CONTROLLER_CHANNELS)
         return
     packets: list[bytes] = []
-    record = Record(packets.append, codecs, CONTROLLER)
-    assert 2 <= record.rows <= PARCEL
+    record = RecordSender(packets.append, codecs, CONTROLLER_CHANNELS)
+    assert 2 <= record.rows <= PACKET_TICKS
     record.wrote(record.rows - 1)
     record.stamps += [(0,) * 7] * record.rows
     record.ship()
@@ -87,10 +96,10 @@ def test_no_parcel_is_larger_than_the_bus_takes(size: int) -> None:
 
 def test_a_law_that_remembers_too_much_is_told_the_limit() -> None:
     with pytest.raises(RigError) as caught:
-        Record(lambda packet: None, layouts(2, 2, {"table": 4000}), CONTROLLER)
+        RecordSender(lambda packet: None, layouts(2, 2, {"table": 4000}), CONTROLLER_CHANNELS)
     assert str(caught.value) == (
-        "the record of a tick (command, internals, controller_timing) takes 32316 bytes; the bus takes 30000 at most, "
-        "--in-process any number"
+        "the messages of one tick (command, internals, controller_timing) take 32316 bytes, but the bus takes at most "
+        "30000: give the law a smaller memory, or run with --in-process, which has no limit"
     )
 
 
@@ -108,7 +117,7 @@ def test_channels_may_have_different_numbers_of_rows() -> None:
 
 def test_a_rehearsal_is_as_large_as_what_comes_and_says_nothing() -> None:
     packets: list[bytes] = []
-    record = Record(packets.append, CODECS, CONTROLLER)
+    record = RecordSender(packets.append, CODECS, CONTROLLER_CHANNELS)
     record.rehearse()
     record.wrote(record.rows - 1)
     record.stamps += [(0,) * 7] * record.rows

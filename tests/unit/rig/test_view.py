@@ -13,7 +13,7 @@ from hilrig.recording.messages.layouts import definitions
 from hilrig.recording.messages.record_batch import RecordBatch
 from hilrig.rig import view_maker
 from hilrig.rig.view import CHANNEL, View, read_view
-from hilrig.rig.view_maker import ViewMaker, Views, late_ticks
+from hilrig.rig.view_maker import ViewMaker, Views
 
 MEMORY = {"gains": 3}
 RATE = 5.0
@@ -94,7 +94,7 @@ def assert_is_of(view: View, ticks: np.ndarray) -> None:
     np.testing.assert_allclose(view.auxiliary_error, expected, rtol=2e-3)
 
 
-def test_a_view_is_true_to_the_motion_however_the_parcels_come() -> None:
+def test_a_view_is_true_to_the_motion_however_the_packets_come() -> None:
     maker, ticks = ViewMaker(document()), np.arange(96)
     maker.note("internals", payloads("internals", ticks[:32], offset=9.0))
     assert maker.view() is None, "the driver has not been heard of"
@@ -138,26 +138,28 @@ def test_what_nobody_asked_for_is_let_go() -> None:
     assert maker.view() is None
 
 
-@pytest.mark.parametrize(
-    ("command", "applied", "late"),
-    [
-        (4, 0, 0),  # in time: tick 5, delay 1
-        (3, 0, 1),  # the command is one tick too old
-        (4, 1_000_000, 1),  # applied a whole period after the tick was due
-        (4, 999_999, 0),
-        (3, 2_000_000, 1),  # both: one late tick
-    ],
-)
-def test_late_is_an_old_command_or_one_applied_a_period_late(command: int, applied: int, late: int) -> None:
-    due = 7_000_000_000
-    timing = {"tick": [5], "command": [command], "due": [due], "applied": [due + applied]}
-    assert late_ticks({name: np.array(values) for name, values in timing.items()}, 1, PERIOD) == late
+def test_late_ticks_are_counted_in_real_time_alone() -> None:
+    """Of four ticks one had an old command and one was applied a period late; the latest wake-up is 2 ms after due."""
+    ticks, due = np.arange(4), 7_000_000_000 + 1_000_000 * np.arange(4)
+    stamps = {
+        "due": due, "woke": due + np.array([0, 2_000_000, 0, 0]), "command": np.array([-1, 0, 0, 2]), "applied": due
+        + np.array([0, 0, 0, 1_000_000]), "published": due, "received": due, "continued": 0 * due,
+    }  # fmt: skip
+    for clock, late, lateness in (("realtime", 2, 2e-3), ("lockstep", 0, 0.0)):
+        maker = ViewMaker(document(clock=clock))
+        maker.note("driver_timing", timing_payloads(ticks, stamps))
+        for name in ("truth", "internals"):
+            maker.note(name, payloads(name, ticks))
+        view = made(maker)
+        assert (view.late, view.timed, view.lateness) == (late, 4, lateness)
 
 
-def test_before_there_can_be_a_command_the_holding_one_is_not_late() -> None:
-    timing = {"tick": np.arange(4, dtype=np.uint64), "command": np.array([-1, -1, -1, -1]), "due": np.zeros(4, int),
-              "applied": np.zeros(4, int)}  # fmt: skip
-    assert late_ticks(timing, 2, PERIOD) == 2  # ticks 2 and 3 should have had the commands of 0 and 1
+def timing_payloads(ticks: np.ndarray, stamps: dict[str, np.ndarray]) -> np.ndarray:
+    form = definition("DriverTiming")
+    batch = RecordBatch(Codec(form, {}), ticks.size)
+    for field, values in zip(form.fields, batch.fields, strict=True):
+        values[:] = {"tick": ticks, "time": ticks * PERIOD, **stamps}[field.name]
+    return batch.payloads
 
 
 class Key:
@@ -208,4 +210,4 @@ def test_a_fault_in_a_view_does_not_cost_the_record(capsys: pytest.CaptureFixtur
     views.note(dict.fromkeys(("truth", "internals"), np.zeros((2, 5), np.uint8)))
     views.note(packet(0))
     assert key.sent == []
-    assert "the live view has ended, the record goes on" in capsys.readouterr().out
+    assert "the live view stops here; recording goes on" in capsys.readouterr().out
