@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from benchmarks.placement import Placement
 from benchmarks.statistics import quantiles
 from hilrig.core.errors import RigError
-from hilrig.rig.launching import CHILD_ENVIRONMENT
+from hilrig.rig.processes import CHILD_ENVIRONMENT
 
 SCRIPT = Path(__file__).parent / "peers" / "pair.py"
 SYSTEM_PYTHON = "/usr/bin/python3"

@@ -1,1 +1,1 @@
-"""The rig: the processes of a trial, the bus between them, and who watches over them."""
+"""The rig: runs the trials of a plan, in processes on a bus or in one process, and watches them."""

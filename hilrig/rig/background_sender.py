@@ -1,4 +1,4 @@
-"""Sends what the loop has recorded, from a thread of its own: in real time the loop waits for nobody."""
+"""Sends packets to the logger from a thread of its own, so that in real time the loop never waits for the bus."""
 
 from __future__ import annotations
 
@@ -8,42 +8,44 @@ from queue import Empty, SimpleQueue
 from threading import Event, Thread
 
 MOST = 1000
-"""Parcels that may wait, half a minute of them; the logger then misses the oldest, and the trial says so"""
+"""Packets that may wait, half a minute's worth; beyond that the oldest are dropped, and counted as lost"""
+FLUSH_TIMEOUT_S = 60.0
+"""How long the packets that wait may take to go out"""
 
 
 class BackgroundSender:
-    """Hands messages to `put`, in order, and never makes the one who sends wait."""
+    """Hands packets to `put` in order, from its own thread. Sending never blocks the caller."""
 
     def __init__(self, put: Callable[[bytes], None]) -> None:
         self._put = put
         self._queue: SimpleQueue[bytes | None] = SimpleQueue()
         self._idle = Event()
-        self._thread = Thread(target=self._carry, name="sender", daemon=True)
+        self._thread = Thread(target=self._run, name="sender", daemon=True)
         self._thread.start()
 
-    def send(self, message: bytes) -> None:
-        """Send a message soon; if too many wait already, drop the one that waits longest.
+    def send(self, packet: bytes) -> None:
+        """Queue a packet; if too many wait already, drop the oldest.
 
-        Not this one: the last message is what the logger waits for.
+        The newest is kept because the logger waits for the last one.
         """
         if self._queue.qsize() >= MOST:
             with suppress(Empty):
                 self._queue.get_nowait()
-        self._queue.put(message)
+        self._queue.put(packet)
 
-    def _carry(self) -> None:
-        while (message := self._queue.get()) is not None:
-            self._put(message)
+    def _run(self) -> None:
+        while (packet := self._queue.get()) is not None:
+            self._put(packet)
             if self._queue.empty():
                 self._idle.set()
 
-    def rest(self) -> None:
-        """Wait until what was sent has gone out; for use before the loop."""
+    def flush(self) -> None:
+        """Wait until the queue is empty, `FLUSH_TIMEOUT_S` at most. Sends an empty packet: use it before the loop."""
         self._idle.clear()
         self.send(b"")
-        self._idle.wait()
+        self._idle.wait(FLUSH_TIMEOUT_S)
 
     def finish(self) -> None:
-        """Wait until all has been sent."""
+        """Wait until everything is sent, `FLUSH_TIMEOUT_S` at most, and end the thread."""
         self._queue.put(None)
-        self._thread.join()
+        self._thread.join(FLUSH_TIMEOUT_S)

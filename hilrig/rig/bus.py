@@ -1,7 +1,7 @@
 """The zenoh bus. The only file that imports zenoh.
 
 Discovery is off and every endpoint is explicit. A participant declares its subscriptions first and its liveliness token
-last; declarations keep their order on a link. So who sees a participant's token knows that its own messages reach it.
+last, and declarations keep their order on a link. So whoever sees a participant's token knows that messages reach it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,12 @@ import zenoh
 from hilrig.core.errors import RigError
 
 DEPTH = 4096
-"""Messages an inbox holds before it holds up its sender (lockstep) or loses (real time)"""
+"""Messages that an inbox holds; a further one blocks its sender (lockstep) or is lost (real time)"""
+
+TOKENS_TIMEOUT_S = 1.0
+"""How long to wait for the others' liveliness tokens"""
+LOOK_S = 0.005
+"""Time between two looks at the tokens"""
 
 
 def configuration(listen: Iterable[str], connect: Iterable[str], low_latency: bool = True) -> zenoh.Config:
@@ -29,7 +34,7 @@ def configuration(listen: Iterable[str], connect: Iterable[str], low_latency: bo
         "scouting/gossip/enabled": False,
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),
-        # Opening does not wait for the others: who is missing shows in the tokens, and late-comers are tried again.
+        # Opening does not wait for the others: tokens show who is missing, and the connection is tried again.
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
         "connect/retry": {"period_init_ms": 20, "period_max_ms": 100, "period_increase_factor": 1},
@@ -43,17 +48,17 @@ def configuration(listen: Iterable[str], connect: Iterable[str], low_latency: bo
 
 
 class Inbox:
-    """Messages of one key, in order of arrival."""
+    """Receives the messages of one key, in order of arrival."""
 
     def __init__(self, subscriber: Any) -> None:
         self._subscriber = subscriber
 
     def take(self) -> bytes:
-        """Return the next message, waiting for it."""
+        """Wait for the next message and return it. Ends when the bus is closed, or by a signal that raises."""
         return self._subscriber.recv().payload.to_bytes()
 
     def poll(self) -> bytes | None:
-        """Return the next message if there is one."""
+        """Return the next message, None if there is none yet."""
         sample = self._subscriber.try_recv()
         return None if sample is None else sample.payload.to_bytes()
 
@@ -66,12 +71,12 @@ class Outbox:
         """Send one message"""
 
     def end(self) -> None:
-        """Say that this was all, by an empty message."""
+        """Send an empty message, which means that it was the last."""
         self.put(b"")
 
 
 class Bus:
-    """One participant of one trial."""
+    """One participant on the bus of one trial."""
 
     def __init__(
         self, trial: str, role: str, listen: Iterable[str], connect: Iterable[str], low_latency: bool = True
@@ -84,32 +89,32 @@ class Bus:
         self._token: Any = None
 
     def outbox(self, channel: str, *, blocking: bool) -> Outbox:
-        """Return a sender. A blocking one waits for slow receivers; the other drops what they cannot take."""
+        """Return a sender. A blocking one waits for slow receivers; the other drops what they do not take in time."""
         control = zenoh.CongestionControl.BLOCK if blocking else zenoh.CongestionControl.DROP
         key = f"{self._root}/{channel}"
         return Outbox(self._session.declare_publisher(key, express=True, congestion_control=control))
 
     def inbox(self, channel: str, *, latest_only: bool = False) -> Inbox:
-        """Return a receiver: of every message in order, or of the latest one alone."""
+        """Return a receiver of every message in order, or of the latest one only."""
         handler = zenoh.handlers.RingChannel(1) if latest_only else zenoh.handlers.FifoChannel(DEPTH)
         return Inbox(self._session.declare_subscriber(f"{self._root}/{channel}", handler))
 
     def announce(self) -> None:
-        """Declare that this participant is alive and has subscribed to all it wants."""
+        """Declare that this participant is alive and has made all its subscriptions."""
         self._token = self._session.liveliness().declare_token(f"{self._root}/alive/{self._role}")
 
     def alive(self) -> set[str]:
         """Return the roles whose tokens are visible from here."""
-        replies = self._session.liveliness().get(f"{self._root}/alive/*", timeout=1.0)
+        replies = self._session.liveliness().get(f"{self._root}/alive/*", timeout=TOKENS_TIMEOUT_S)
         return {str(reply.ok.key_expr).rsplit("/", 1)[1] for reply in replies if reply.ok is not None}
 
-    def wait_for(self, roles: Iterable[str], timeout: float) -> set[str]:
-        """Wait until all `roles` are visible, `timeout` seconds at most; return those that are missing."""
-        missing, deadline = set(roles), time.monotonic() + timeout
+    def wait_for(self, roles: Iterable[str], timeout_s: float) -> set[str]:
+        """Wait until the tokens of all `roles` are visible, `timeout_s` at most; return the roles that are missing."""
+        missing, deadline = set(roles), time.monotonic() + timeout_s
         while missing := missing - self.alive():
             if time.monotonic() > deadline:
                 return missing
-            time.sleep(0.005)
+            time.sleep(LOOK_S)
         return missing
 
     def close(self) -> None:

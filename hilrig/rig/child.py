@@ -1,4 +1,4 @@
-"""What the three processes of a trial have in common: how they start, speak to the supervisor, and end."""
+"""What the three processes of a trial have in common: how they start, talk to the supervisor, and end."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from hilrig.rig.setup import Report, as_wanted, prepare, refusals, settle
 
 PR_SET_PDEATHSIG = 1
 REHEARSALS = 3
-PAUSE = 0.03
-"""s: once in a session, the first message after a pause of 20 ms takes zenoh 5 ms of the processor"""
+PAUSE_S = 0.03
+"""After a rehearsal: once in a session, the first message after a pause of 20 ms costs zenoh 5 ms of processor time"""
 
 
 @dataclass(frozen=True)
 class Orders:
-    """What a child is told on its command line, as JSON."""
+    """What a child gets on its command line, as JSON."""
 
     role: str
     run: str
@@ -42,14 +42,17 @@ class Orders:
     sockets: str
     """Directory of the bus's sockets"""
     listen: tuple[str, ...]
+    """Endpoints on the bus that the child opens"""
     connect: tuple[str, ...]
+    """Endpoints of others that it connects to"""
     cores: tuple[int, ...]
     realtime: bool
     settings: dict[str, Any]
     """The fields of RigSettings"""
-    patience: float
-    """s that the others are given to join"""
+    ready_timeout_s: float
+    """How long the others may take to join the bus"""
     parent: int
+    """Process id of the supervisor"""
 
     def to_json(self) -> str:
         """Return the orders as one argument."""
@@ -57,7 +60,7 @@ class Orders:
 
 
 class Child:
-    """A process of a trial: its orders, its trial and its place on the bus."""
+    """A process of a trial, from the inside: its orders, its trial, and its connection to the bus."""
 
     def __init__(self, orders: Orders) -> None:
         self.orders = orders
@@ -65,20 +68,20 @@ class Child:
         self.run = Path(orders.run)
         self.settings = RigSettings(**orders.settings)
         self.setup: Report = {}
-        """What came of the settings in this process"""
+        """Which settings were applied in this process, and why not the others"""
         self._bus: Bus | None = None
-        self._courier: BackgroundSender | None = None
+        self._sender: BackgroundSender | None = None
         self.resume_monitor = ResumeMonitor()
 
     def read_trial(self) -> Trial:
-        """Return the trial that this rig is to run."""
+        """Return the trial that this rig runs."""
         return read_trial(self.run, self.orders.trial)
 
     @property
     def bus(self) -> Bus:
-        """The child's place on the bus, taken when it is first asked for.
+        """The child's connection to the bus, opened at the first use.
 
-        By then kernels are compiled, on any core; the bus's threads keep to the cores that the process has then.
+        Kernels are compiled before that, on any core. The bus's threads inherit the cores that the process has by then.
         """
         if self._bus is None:
             self.setup = prepare(self.settings, self.role, self.orders.cores, self.orders.realtime)
@@ -91,39 +94,40 @@ class Child:
         return self._bus
 
     def record(self) -> Callable[[bytes], None]:
-        """Return what sends packets to the logger; in real time it never waits."""
+        """Return a function that sends a packet to the logger; in real time it never waits."""
         put = self.bus.outbox("record", blocking=True).put
         if not self.orders.realtime:
             return put
-        self._courier = BackgroundSender(put)
-        return self._courier.send
+        self._sender = BackgroundSender(put)
+        return self._sender.send
 
     def finish_record(self) -> None:
         """Wait until all packets have been sent."""
-        if self._courier is not None:
-            self._courier.finish()
+        if self._sender is not None:
+            self._sender.finish()
 
     def leave(self) -> None:
-        """Leave the bus, if on it."""
+        """Leave the bus, if the child is on it."""
         if self._bus is not None:
             self._bus.close()
 
     def tell(self, event: str, **details: Any) -> None:
-        """Tell the supervisor."""
+        """Report an event to the supervisor."""
         assert self.bus is not None
         self._status.put(json.dumps({"role": self.role, "event": event, **details}).encode())
 
     def ready(
         self, peers: tuple[str, ...], rehearse: Callable[[], None] | None = None, **details: Any
     ) -> dict[str, Any]:
-        """Join the others and wait for the order to go; return what the order carries.
+        """Report that this process is ready, wait for the order to go, and return that order.
 
-        `rehearse` does beside the trial what costs more at its first time, when all has been set up.
+        `rehearse` is called before, once everything is set up: it does what costs more the first time.
         """
         self.bus.announce()
-        missing = self.bus.wait_for((*peers, "supervisor"), timeout=self.orders.patience)
+        timeout_s = self.orders.ready_timeout_s
+        missing = self.bus.wait_for((*peers, "supervisor"), timeout_s)
         if missing:
-            raise RigError(f"waited {self.orders.patience:g} s for {', '.join(sorted(missing))}")
+            raise RigError(f"not on the bus after {timeout_s:g} s: {', '.join(sorted(missing))}")
         self.setup |= settle(self.settings, self.role, self.orders.realtime)
         if rehearse is not None and self.orders.realtime:
             self._rehearse(rehearse)
@@ -134,28 +138,28 @@ class Child:
             order = json.loads(self._orders.take())
             if order["order"] == "go":
                 return order
-            raise Stopped("told to stop before the start")
+            raise Stopped("stopped before the first tick")
 
     def _rehearse(self, rehearse: Callable[[], None]) -> None:
         put = self.bus.outbox("record", blocking=True).put
         for _ in range(REHEARSALS):
             rehearse()
             put(b"")
-            if self._courier is not None:
-                self._courier.rest()
-            time.sleep(PAUSE)
+            if self._sender is not None:
+                self._sender.flush()
+            time.sleep(PAUSE_S)
 
     def told_to_stop(self) -> bool:
-        """Whether the supervisor wants the trial to end."""
+        """Return whether the supervisor has ordered the trial to end."""
         payload = self._orders.poll()
         return payload is not None and json.loads(payload)["order"] == "stop"
 
 
 class Signals:
-    """How a child is told to end: SIGTERM by the supervisor, SIGHUP by the kernel when the supervisor is gone.
+    """The signals that end a child: SIGTERM from the supervisor, SIGHUP from the kernel when the supervisor is gone.
 
     The kernel sends SIGHUP when the thread that started the child ends, and again for each thread that inherits the
-    child, so it comes several times, and before `getppid` tells that the process is gone. Only the first signal raises.
+    child. So it comes several times, and before `getppid` shows that the parent is gone. Only the first signal raises.
     """
 
     def __init__(self) -> None:
@@ -163,7 +167,7 @@ class Signals:
         self._told = False
 
     def listen(self, parent: int) -> None:
-        """Take signals from now on. Raises Stopped here or anywhere later, once."""
+        """Handle signals from now on: the first one raises Stopped, here or wherever the main thread is then."""
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, self._stop)
         signal.signal(signal.SIGHUP, self._stop)
@@ -178,12 +182,12 @@ class Signals:
             raise Stopped("the supervisor is gone" if self.orphaned else "terminated")
 
     def enough(self) -> None:
-        """Raise no more: the child is leaving."""
+        """Ignore further signals: the child is about to end."""
         self._told = True
 
 
 def main(work: Callable[[Child], None]) -> None:
-    """Run one role from the command line. Exit code 0: it ended as it should, whatever the trial's outcome."""
+    """Run one role, as ordered on the command line. Exit code 0: it ended properly, whatever the trial's outcome."""
     orders = Orders(**json.loads(sys.argv[1]))
     signals = Signals()
     code = 0

@@ -1,4 +1,4 @@
-"""Pacing by CLOCK_MONOTONIC."""
+"""Paces the ticks of a trial by CLOCK_MONOTONIC."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import time
 TIMER_ABSTIME = 1
 NANOSECONDS = 1_000_000_000
 PROGRESS = 100_000_000
-"""ns between two reports of a trial's progress, and two looks whether to stop"""
+"""Time between two reports of a trial's progress, and between two looks at whether to stop, ns"""
 
 
 class _Timespec(ctypes.Structure):
@@ -19,7 +19,7 @@ _libc = ctypes.CDLL(None, use_errno=True)
 
 
 def sleep_until(moment: int) -> None:
-    """Sleep until `moment`, CLOCK_MONOTONIC in ns; return at once if it is past. A signal does not end it."""
+    """Sleep until `moment`, CLOCK_MONOTONIC in ns; return at once if it is past. A signal does not end the sleep."""
     spec = _Timespec(moment // NANOSECONDS, moment % NANOSECONDS)
     while _libc.clock_nanosleep(time.CLOCK_MONOTONIC, TIMER_ABSTIME, ctypes.byref(spec), None) != 0:
         if time.monotonic_ns() >= moment:
@@ -27,7 +27,7 @@ def sleep_until(moment: int) -> None:
 
 
 class Pacer:
-    """Says when each tick may begin: at once in lockstep, at its due time in real time."""
+    """Waits until a tick may begin: at once in lockstep, at its due time in real time."""
 
     def __init__(self, period: float, realtime: bool, spin: float) -> None:
         """`spin`, s, is the last part of every wait, spent awake: the kernel wakes a sleeper some microseconds late."""
@@ -37,7 +37,7 @@ class Pacer:
         self._spin = round(spin * NANOSECONDS)
 
     def wait(self, tick: int) -> int:
-        """Wait for the tick; return when it was due (ns). In lockstep it is due when asked for."""
+        """Wait for the tick; return when it was due, CLOCK_MONOTONIC in ns. In lockstep that is now."""
         if tick == 0:
             self._start = time.monotonic_ns() + (self._period if self._realtime else 0)
         if not self._realtime:

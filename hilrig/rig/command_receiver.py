@@ -1,4 +1,4 @@
-"""How commands come to the driver, each with the moment at which it came in."""
+"""Receives commands for the driver, each with the time at which it arrived."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from hilrig.rig.bus import Inbox
 
 
 class Waiting:
-    """In lockstep: the driver has nothing to do but wait for the next command."""
+    """For lockstep: the driver waits for the next command itself."""
 
     def __init__(self, inbox: Inbox) -> None:
         self._inbox = inbox
 
     def take(self) -> tuple[int, bytes]:
-        """Return when the next message came in, ns, and the message; empty: it was the last."""
+        """Wait for the next message; return when it arrived, ns, and the message (empty at the end)."""
         message = self._inbox.take()
         return time.monotonic_ns(), message
 
 
 class CommandReceiver:
-    """In real time: a thread takes the commands while the driver sleeps, so that each is stamped when it comes.
+    """For real time: a thread receives the commands while the driver sleeps, and stamps each when it arrives.
 
-    A driver that looked for them when it wakes would not know whether the bus or the controller took long.
+    If the driver looked for them when it wakes, nobody could tell whether the bus or the controller took long.
     """
 
     def __init__(self, inbox: Inbox) -> None:
@@ -37,10 +37,10 @@ class CommandReceiver:
         while message:
             try:
                 message = self._inbox.take()
-            except Exception:  # the bus is closed: nothing comes any more, as if this had been said
+            except Exception:  # the bus is closed: no message will come, as after an empty one
                 message = b""
             self._arrived.append((time.monotonic_ns(), message))
 
     def take(self) -> tuple[int, bytes] | None:
-        """Return when the next message came in, ns, and the message, if there is one; empty: it was the last."""
+        """Return when the next message arrived, ns, and the message (empty at the end); None if none has arrived."""
         return self._arrived.popleft() if self._arrived else None

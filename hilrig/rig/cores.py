@@ -1,4 +1,4 @@
-"""Which cores the processes of a trial run on."""
+"""Chooses the cores on which the processes of a trial run."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ ISOLATED = Path("/sys/devices/system/cpu/isolated")
 
 
 def cores_for(slot: int, realtime: bool = False) -> dict[str, tuple[int, ...]]:
-    """Return the cores of each role: one for driver and controller (the fastest hand-over), another for the logger.
+    """Return the cores of each role: one for driver and controller together, another for the logger.
 
-    In real time cores that the machine was booted to keep free (isolcpus) come first for driver and controller.
+    Driver and controller hand over to each other fastest on one core. In real time they get a core that the machine
+    was booted to keep free (isolcpus), if there is one.
     """
     cores = sorted(os.sched_getaffinity(0))
     own, other = cores[slot % len(cores)], cores[(slot + 1) % len(cores)]
@@ -22,7 +23,7 @@ def cores_for(slot: int, realtime: bool = False) -> dict[str, tuple[int, ...]]:
 
 
 def isolated_cores() -> list[int]:
-    """Return the cores that the scheduler leaves alone; a process comes there only if it is pinned to them."""
+    """Return the isolated cores: only processes that are pinned to them run there."""
     try:
         return listed(ISOLATED.read_text())
     except OSError:
@@ -30,7 +31,7 @@ def isolated_cores() -> list[int]:
 
 
 def listed(text: str) -> list[int]:
-    """Return the numbers of a kernel's list, such as "0,2-4"."""
+    """Return the numbers in a list as the kernel writes it, such as "0,2-4"."""
     result: list[int] = []
     for part in filter(None, text.strip().split(",")):
         first, _, last = part.partition("-")
@@ -39,7 +40,7 @@ def listed(text: str) -> list[int]:
 
 
 def pin(cores: Iterable[int]) -> tuple[str, str]:
-    """Keep this process on `cores`, as far as it may; return (where it runs now, why that is not as wanted)."""
+    """Pin this process to `cores`; return (the cores on which it runs now, why they are not those wanted)."""
     wanted, reason = set(cores), ""
     try:
         os.sched_setaffinity(0, wanted)

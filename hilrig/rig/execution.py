@@ -1,4 +1,4 @@
-"""Runs the trials of a plan, one after the other or several at once, and keeps the run directory up to date."""
+"""Runs the trials of a plan, one after the other or several at a time, and writes the run directory."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ from hilrig.rig.worker import Worker
 
 
 class Listener(Protocol):
-    """Who is told how the trials go on. Called from several threads when there are several jobs."""
+    """Hears how the trials progress. Called from several threads when there are several jobs."""
 
     def opened(self, run: Path) -> None:
-        """The run directory has been made; no trial is begun yet."""
+        """The run directory exists; no trial has started yet."""
         ...
 
     def started(self, trial: Trial) -> None:
-        """A trial's processes are being started."""
+        """The processes of a trial are being started."""
         ...
 
     def progressed(self, trial: Trial, tick: int) -> None:
-        """A trial has come to `tick`."""
+        """A trial has reached `tick`."""
         ...
 
     def ended(self, trial: Trial, outcome: Outcome) -> None:
@@ -69,15 +69,15 @@ def execute(
 ) -> tuple[Path, list[Outcome]]:
     """Run all trials of the experiment in file `source`.
 
-    Returns the run directory and the outcomes of the trials that were begun, in the plan's order. Raises
-    ExperimentError if they cannot be run so.
+    Returns the run directory and the outcomes of the trials that were started, in the plan's order. Raises
+    ExperimentError if the options do not suit the trials.
     """
     if options.in_process:
         _refuse_faults(trials)
     plan = {
         "experiment": experiment.to_document(),
         "trials": [trial.to_document() for trial in trials],
-        # Written down here: a report is made where the robot's code may be absent.
+        # Written down here because the report may be made on a machine without the robot's code.
         "bounds": margins(trials).document(),
     }
     run = create_run(options.out, experiment.name, source.read_bytes(), plan)
@@ -86,7 +86,7 @@ def execute(
     began = time.monotonic()
     with Live(run, manifest["transport"]) as live:
         listener.opened(run)
-        outcomes = _Work(run, options, listener, plan["experiment"]["expect"], live).through(trials)
+        outcomes = _Runner(run, options, listener, plan["experiment"]["expect"], live).run(trials)
     finished = datetime.now(UTC).isoformat(timespec="seconds")
     write_json(
         run / "manifest.json",
@@ -96,14 +96,14 @@ def execute(
 
 
 def _refuse_faults(trials: Sequence[Trial]) -> None:
-    """Raise ExperimentError if a condition has faults: in one process there is no other one to stall, and no bus."""
+    """Raise ExperimentError if a condition has faults: in one process there is no bus and no other process to stall."""
     for trial in trials:
         for disturbance in trial.disturbances:
             if is_fault(disturbance):
                 kind = name_of(type(disturbance))[1]
                 raise ExperimentError(
-                    f"--in-process: condition '{trial.condition_name}' has the fault '{kind}', "
-                    "which is done to the processes on the bus; run it without --in-process"
+                    f"--in-process: condition '{trial.condition_name}' has the fault '{kind}', which needs the "
+                    "processes on the bus; run it without --in-process"
                 )
 
 
@@ -124,8 +124,8 @@ def _manifest(experiment: Experiment, source: Path, options: Options) -> dict[st
     }
 
 
-class _Work:
-    """The trials being run: `jobs` at a time, each with a slot of its own, which says on which cores."""
+class _Runner:
+    """Runs the trials, `jobs` at a time, each in a slot of its own, which decides on which cores."""
 
     def __init__(
         self, run: Path, options: Options, listener: Listener, expect: Sequence[Mapping[str, Any]], live: Live
@@ -139,8 +139,8 @@ class _Work:
         beside = options.jobs if options.in_process and options.jobs > 1 else 0
         self._workers = [Worker(run, slot) for slot in range(beside)]
 
-    def through(self, trials: Sequence[Trial]) -> list[Outcome]:
-        """Run the trials; return the outcomes of those that were begun."""
+    def run(self, trials: Sequence[Trial]) -> list[Outcome]:
+        """Run the trials; return the outcomes of those that were started."""
         if self._options.jobs == 1:
             results = map(self._one, trials)
             return [outcome for outcome in results if outcome is not None]
@@ -148,7 +148,7 @@ class _Work:
             try:
                 return [outcome for outcome in pool.map(self._one, trials) if outcome is not None]
             finally:
-                # Before the threads end that started them: a worker would take that for the end of this process.
+                # Before the threads that started them end: a worker would take that for the end of this process.
                 for worker in self._workers:
                     worker.close()
 
@@ -173,7 +173,7 @@ class _Work:
         return outcome
 
     def _run_trial(self, trial: Trial, slot: int) -> Outcome:
-        """Run one trial; whatever goes wrong in it is its outcome, and the others go on."""
+        """Run one trial; if anything goes wrong, that is its outcome, and the other trials go on."""
         report = partial(self._listener.progressed, trial)
         try:
             if not self._options.in_process:

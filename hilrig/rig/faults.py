@@ -1,4 +1,4 @@
-"""Injects a trial's faults into a process of the loop, and notes what was injected."""
+"""Injects the faults of a trial into a process of the loop, and logs what was injected."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from hilrig.rig.faulty_outbox import FaultyOutbox
 from hilrig.rig.stopping import Stopper
 
 SENDS = {"driver": "state", "controller": "command"}
-"""The channel whose messages a process sends"""
+"""The channel on which each process sends"""
 
 
 class Injector:
-    """The faults of one process of the loop. A trial without any has no injector, and pays nothing."""
+    """Injects the faults of one process of the loop. A trial without faults has no injector, and no cost."""
 
     def __init__(self, role: Literal["driver", "controller"], faults: Faults) -> None:
         self._role, self._channel = role, SENDS[role]
@@ -36,7 +36,7 @@ class Injector:
 
     @classmethod
     def of(cls, trial: Trial, role: Literal["driver", "controller"]) -> Injector | None:
-        """Return the injector of a trial for one of its processes; None if nothing is to be injected there."""
+        """Return the injector for one process of a trial, None if no fault is to be injected there."""
         if not any(map(is_fault, trial.disturbances)):
             return None
         injector = cls(role, disturbance_schedule(trial).faults)
@@ -44,23 +44,23 @@ class Injector:
 
     @property
     def planned(self) -> int:
-        """How many faults are to be injected."""
+        """Number of faults to inject"""
         return sum(map(len, (self._stalls, self._stops, self._busy, self._delays, self._losses)))
 
     def stall(self, tick: int) -> None:
-        """Stand still if that is due at `tick`: asleep, or stopped whole."""
+        """Stall, by sleeping or by SIGSTOP, if that is due at `tick`."""
         if tick in self._stalls:
             self._do(tick, f"{self._role}_stall", _sleep, self._stalls[tick])
         if tick in self._stops and self._stopper is not None:
             self._do(tick, f"{self._role}_stop", self._stopper.stop, self._stops[tick])
 
     def compute(self, tick: int) -> None:
-        """Be busy for as long as the controller is to compute longer at `tick`."""
+        """Keep the processor busy if the controller is to take longer at `tick`."""
         if tick in self._busy:
             self._do(tick, f"{self._role}_busy", _compute, self._busy[tick])
 
     def outbox(self, outbox: Outbox) -> Outbox:
-        """Return an outbox that sends on the same key, but for what the bus is to hold back or lose."""
+        """Return an outbox on the same key that delays and loses the messages that the faults name."""
         if not self._delays and not self._losses:
             return outbox
         return FaultyOutbox(
@@ -69,12 +69,12 @@ class Injector:
         )  # fmt: skip
 
     def end(self, directory: Path) -> None:
-        """Write what was injected to the log in the trial's directory."""
+        """Write the injected faults to the log in the trial's directory."""
         add_faults(directory, self._log)
 
-    def _do(self, tick: int, kind: str, act: Callable[[int], None], duration: int) -> None:
+    def _do(self, tick: int, kind: str, act: Callable[[int], None], duration_ns: int) -> None:
         begin = time.monotonic_ns()
-        act(duration)
+        act(duration_ns)
         self._note(tick, kind, begin, time.monotonic_ns())
 
     def _note(self, tick: int, kind: str, begin: int, end: int) -> None:
@@ -82,15 +82,15 @@ class Injector:
 
 
 def _by_tick(values: Array) -> dict[int, int]:
-    """Return the values (s) that are not zero: tick -> ns."""
+    """Return tick -> duration, ns, for the `values` (N,), s, that are not zero."""
     return {int(tick): round(float(values[tick]) * 1e9) for tick in np.flatnonzero(values)}
 
 
-def _sleep(duration: int) -> None:
-    time.sleep(duration / 1e9)
+def _sleep(duration_ns: int) -> None:
+    time.sleep(duration_ns / 1e9)
 
 
-def _compute(duration: int) -> None:
-    end = time.monotonic_ns() + duration
+def _compute(duration_ns: int) -> None:
+    end = time.monotonic_ns() + duration_ns
     while time.monotonic_ns() < end:
         pass

@@ -1,4 +1,4 @@
-"""A sender whose bus holds messages back, and loses some."""
+"""A sender that delays and loses messages, as the faults of a trial ask."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from threading import Thread
 from hilrig.rig.bus import Outbox
 
 Note = Callable[[int, str, int, int], None]
-"""Takes (tick, "delay" or "loss", begin, end)"""
+"""Called with (tick, "delay" or "loss", begin, end), times in ns of CLOCK_MONOTONIC"""
 
 
 class FaultyOutbox(Outbox):
-    """Sends on the key of another outbox; delays (tick -> ns) and losses (tick -> anything) are those of the messages.
+    """Sends on the key of another outbox. `delays` (tick -> ns) and `losses` (tick -> any) name the messages concerned.
 
-    `put` returns at once. A thread sends what is held, in order: what is put while a message is held waits behind it,
-    as on a link that stands still for a while.
+    `put` returns at once. A thread sends the delayed messages, in order: a message that is put while another is delayed
+    waits behind it, as on a link that stalls.
     """
 
     def __init__(self, outbox: Outbox, delays: Mapping[int, int], losses: Mapping[int, int], note: Note) -> None:
         self._outbox, self._delays, self._losses, self._note = outbox, delays, losses, note
         self._held: SimpleQueue[tuple[int, int, int, bytes] | None] = SimpleQueue()
-        # Each is written by one thread alone: equal, nothing is held.
+        # Each is written by one thread only. When they are equal no message is held.
         self._taken, self._sent = 0, 0
         self.put = self._put
         self._thread = Thread(target=self._send_held, name="held messages", daemon=True)
@@ -52,7 +52,7 @@ class FaultyOutbox(Outbox):
             self._sent += 1
 
     def end(self) -> None:
-        """Send what is held, each message at its time, then say that this was all."""
+        """Send the held messages, each at its time, then the empty message that ends the channel."""
         self._held.put(None)
         self._thread.join()
         self._outbox.end()

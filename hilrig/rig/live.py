@@ -1,6 +1,7 @@
-"""Which run is going on: live.json in its directory, for whoever wants to watch it.
+"""live.json in a run directory: which trials are running, for `hilrig watch`.
 
-The file is there while the run's program is at work; a program that was killed leaves it behind, with its process id.
+The file exists while the program that runs the trials does. A program that was killed leaves it behind, and its
+process id in the file shows that.
 """
 
 from __future__ import annotations
@@ -23,39 +24,39 @@ ON_BUS, IN_PROCESS = "zenoh", "in-process"
 
 @dataclass(frozen=True)
 class LiveTrial:
-    """A trial that is going on."""
+    """A trial that is running."""
 
     id: str
     endpoint: str
-    """Where its logger takes watchers"""
+    """Endpoint at which its logger accepts watch processes"""
     cores: tuple[int, ...]
-    """The logger's cores: where a watcher is not in the loop's way"""
+    """The logger's cores, on which a watch process does not disturb the loop"""
 
 
 @dataclass(frozen=True)
 class LiveRun:
-    """What live.json says."""
+    """The content of live.json."""
 
     pid: int
-    """Of the run's program"""
+    """Process id of the program that runs the trials"""
     born: int
-    """When that process was started, in clock ticks since boot: a process id may be given again"""
+    """When that process was started, in clock ticks since boot: the kernel may reuse a process id"""
     transport: str
     trials: tuple[LiveTrial, ...] = ()
-    """Those going on, in the order in which they were begun"""
+    """The running trials, in the order in which they were started"""
 
     @property
     def alive(self) -> bool:
-        """Whether the run's program still is at work."""
+        """Whether the program that runs the trials still exists."""
         return birth(self.pid) == self.born
 
 
 def read_live(run: Path) -> LiveRun | None:
-    """Return what live.json of a run says; None if there is none: the run has ended, or was never begun."""
+    """Return the content of a run's live.json; None if there is none: the run has ended, or has never started."""
     try:
         document = read_json(run / FILE)
     except RunDirectoryError:
-        # Missing, or not JSON: it is written whole or not at all.
+        # It is missing or no JSON; hilrig itself writes it whole or not at all.
         return None
     trials = tuple(LiveTrial(id, item["endpoint"], tuple(item["cores"])) for id, item in document["trials"].items())
     return LiveRun(document["pid"], document["born"], document["transport"], trials)
@@ -67,14 +68,14 @@ def birth(pid: int) -> int | None:
         status = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
     except OSError:
         return None
-    # The name, in brackets, may hold anything.
+    # The name, in brackets, may contain anything.
     words = status.rsplit(")", 1)[1].split()
     return None if words[0] == "Z" else int(words[19])
 
 
 @dataclass
 class Live:
-    """Keeps live.json while a run goes on. Trials may begin and end in several threads."""
+    """Keeps live.json up to date during a run. Trials may begin and end in several threads."""
 
     run: Path
     transport: str
@@ -82,13 +83,13 @@ class Live:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def begin(self, trial: str, endpoint: str, cores: Sequence[int]) -> None:
-        """Say that a trial is being started and where its logger takes watchers."""
+        """Add a trial that is being started, and the endpoint at which its logger accepts watch processes."""
         with self._lock:
             self._trials[trial] = {"endpoint": endpoint, "cores": list(cores)}
             self._write()
 
     def end(self, trial: str) -> None:
-        """Say that a trial has ended."""
+        """Remove a trial that has ended."""
         with self._lock:
             self._trials.pop(trial, None)
             self._write()

@@ -1,4 +1,4 @@
-"""The logger's process: records what is on the bus, off the control path."""
+"""The logger's process: records what is sent on the bus, outside the control loop."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hilrig.rig.view_maker import Views
 
 
 def work(child: Child) -> None:
-    """Record until every sender has said that it sent its last message, or until stopped."""
+    """Record until every sender has sent its last packet, or until stopped."""
     packets = child.bus.inbox("record")
     trial = read_trial_document(child.run, child.orders.trial)
     views = Views(child.bus, trial)
@@ -38,7 +38,7 @@ def work(child: Child) -> None:
 
 
 def record(packets: Inbox, recorder: Recorder, views: Views) -> None:
-    """Record until all channels have ended."""
+    """Record until every channel has ended."""
     still_open = set(NAMES)
     while still_open:
         still_open -= store(recorder, views, packets.take())
@@ -51,7 +51,7 @@ def record_rest(packets: Inbox, recorder: Recorder, views: Views) -> None:
 
 
 def store(recorder: Recorder, views: Views, packet: bytes) -> set[str]:
-    """Record one packet; return the channels that end in it."""
+    """Record one packet; return the channels that end with it."""
     ended: set[str] = set()
     fresh: dict[str, NDArray[np.uint8]] = {}
     for name, payloads, count in unpack_batches(packet):

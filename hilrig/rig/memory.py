@@ -1,4 +1,4 @@
-"""Memory that no page fault holds up: locked, and the heap made before the loop starts."""
+"""Keeps page faults out of the loop: locks the memory, and makes the heap before the loop starts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MAP_NORESERVE = 0x4000
 M_TRIM_THRESHOLD, M_MMAP_MAX = -1, -4
 NEVER = 2**31 - 1
 HEAP = 32 << 20
-"""bytes of heap that are made beforehand; the loop allocates some kilobytes a tick, and frees them"""
+"""Bytes of heap made beforehand; the loop allocates and frees a few kilobytes a tick"""
 _libc = ctypes.CDLL(None, use_errno=True)
 _libc.malloc.restype = ctypes.c_void_p
 _libc.malloc.argtypes = [ctypes.c_size_t]
@@ -22,11 +22,11 @@ _libc.mlock2.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
 
 
 def lock() -> tuple[str, str]:
-    """Keep all memory of this process, present and future, where it is; return (what was done, why not all).
+    """Lock all memory of this process, present and future; return (what was done, why not everything).
 
-    The heap is made beforehand and never given back; that needs no privilege. Locking is tried only where no limit
-    binds: under one, MCL_FUTURE lets a later malloc fail, and MCL_CURRENT the growth of what is there (stack, heap).
-    The stack needs nothing: imports and compilation have been deeper in it than the loop will be, and it never shrinks.
+    The heap is made beforehand and never given back, which needs no privilege. Locking is tried only where no limit
+    applies: under a limit, MCL_FUTURE makes a later malloc fail, and MCL_CURRENT makes the stack and the heap fail to
+    grow. The stack needs nothing: imports and compilation went deeper than the loop will, and it never shrinks.
     """
     _make_heap()
     if limit_binds():
@@ -38,10 +38,10 @@ def lock() -> tuple[str, str]:
 
 
 def limit_binds() -> bool:
-    """Return whether RLIMIT_MEMLOCK holds for this process, by trying to lock one page more than it allows.
+    """Return whether RLIMIT_MEMLOCK applies to this process, by trying to lock one page more than it allows.
 
-    Capabilities alone do not tell: root in a user namespace has CAP_IPC_LOCK, and is held to the limit. No page is
-    touched: MLOCK_ONFAULT.
+    Capabilities do not tell: root in a user namespace has CAP_IPC_LOCK, and the limit still applies. With
+    MLOCK_ONFAULT no page is touched.
     """
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
     if limit == resource.RLIM_INFINITY:
@@ -54,12 +54,12 @@ def limit_binds() -> bool:
     with area:
         start = ctypes.c_char.from_buffer(area)
         binds = _libc.mlock2(ctypes.addressof(start), size, MLOCK_ONFAULT) != 0
-        del start  # the map cannot be closed while something points into it
+        del start  # the map cannot be closed while a pointer into it exists
     return binds
 
 
 def _make_heap() -> None:
-    """Let the heap have room that it keeps: no block is mapped on its own, and nothing is given back."""
+    """Grow the heap, and make malloc keep it: it maps no block separately and gives nothing back."""
     _libc.mallopt(M_MMAP_MAX, 0)
     _libc.mallopt(M_TRIM_THRESHOLD, NEVER)
     block = _libc.malloc(HEAP)

@@ -11,7 +11,7 @@ from hilrig.experiment.trial import Trial
 
 @dataclass(frozen=True)
 class Outcome:
-    """The end of one trial."""
+    """How one trial ended."""
 
     trial: str
     outcome: str
@@ -19,14 +19,14 @@ class Outcome:
     reason: str
     """Why, in one line; empty if completed"""
     ticks: int
-    """Ticks that the driver did"""
+    """Ticks that the driver completed"""
     planned_ticks: int
     wall_s: float
-    """From the start of the first tick to the end of the record, s"""
+    """Time from the start of the first tick to the end of the record"""
     speed: float
-    """Simulated time over wall time, start-up left out"""
+    """Simulated time over wall time, without the start-up"""
     loop_s: float | None = None
-    """From the start of the first tick to the end of the last one, s; None where that is not known"""
+    """Time from the start of the first tick to the end of the last one; None if unknown"""
     channels: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @classmethod
@@ -40,7 +40,7 @@ class Outcome:
         channels: Mapping[str, Mapping[str, Any]],
         loop: float | None = None,
     ) -> Outcome:
-        """Return the outcome; a trial that ran to its end with messages unaccounted for is not completed."""
+        """Return the outcome; a trial that ran to its end but has messages unaccounted for has failed."""
         if outcome == "completed" and (trouble := unexplained(channels)):
             outcome, reason = "failed", trouble
         speed = ticks * trial.period / wall if wall > 0 else 0.0
@@ -51,7 +51,7 @@ class Outcome:
 
     @property
     def completed(self) -> bool:
-        """Whether the trial ran to its end with a whole record."""
+        """Whether the trial ran to its end and its record is complete."""
         return self.outcome == "completed"
 
     def document(self) -> dict[str, Any]:
@@ -60,9 +60,9 @@ class Outcome:
 
 
 def unexplained(channels: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return what is missing from the record, in words; empty if every message that was sent was stored."""
+    """Return in words what the record lacks; empty if every message that was sent was stored."""
     if not channels:
-        return "the logger left no account of what it stored"
+        return "the logger did not report what it stored"
     missing = [
         f"{name}: {account['stored']} stored, {'?' if account['sent'] is None else account['sent']} sent"
         for name, account in channels.items()

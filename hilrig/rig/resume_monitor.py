@@ -1,4 +1,4 @@
-"""When a process was stopped and went on: a stop by a signal shows nowhere else than in the clock."""
+"""Notes when a process resumes after it was stopped (SIGSTOP, Ctrl-Z), which leaves no other trace in it."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from threading import Thread
 
 
 class ResumeMonitor:
-    """Notes when the process goes on after a stop. To be made before any other thread, which inherit what is blocked.
+    """Notes when this process resumes. Make it before any other thread: threads inherit which signals are blocked.
 
-    The signal goes to a thread that waits for it, at once; a handler would run when the main thread next comes by.
+    A thread waits for SIGCONT and gets it at once. A signal handler would run only when the main thread next comes by.
     """
 
     def __init__(self) -> None:
         self.last = 0
-        """CLOCK_MONOTONIC, ns; 0: never"""
+        """When the process last resumed, CLOCK_MONOTONIC in ns; 0: it was never stopped"""
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGCONT})
 
     def listen(self) -> None:
-        """TrialStart; to be called when the process has its scheduling, which the thread inherits."""
+        """Start listening. Call it when the process has its scheduling, which the thread inherits."""
         Thread(target=self._listen, name="resume_monitor", daemon=True).start()
 
     def _listen(self) -> None:

@@ -1,7 +1,7 @@
-"""The real-time set-up of a process: everything where it is permitted, and an account of what was not.
+"""The real-time set-up of a process: every setting that is permitted, and a report on those that were refused.
 
-Two steps. `prepare` comes before the process has threads, for threads inherit its cores, its scheduling and its timer
-slack. `settle` comes when all is made that the loop needs, just before the trial starts.
+It has two steps. `prepare` runs before the process has threads, because threads inherit its cores, its scheduling and
+its timer slack. `settle` runs when everything that the loop needs exists, just before the trial starts.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from hilrig.rig.cores import pin
 from hilrig.rig.scheduling import schedule, set_timer_slack
 
 LOOP = ("driver", "controller")
-"""The roles that wait for each other at every tick"""
+"""The roles of the control loop, which wait for each other at every tick"""
 DMA_LATENCY = "/dev/cpu_dma_latency"
 
 Report = dict[str, dict[str, str]]
-"""Setting -> {"wanted", "applied", "reason"}: in words; the reason is empty where the wanted was applied"""
+"""Setting -> {"wanted", "applied", "reason"}, in words; the reason is empty where the setting was applied as wanted"""
 
 
 def prepare(settings: RigSettings, role: str, cores: Iterable[int], realtime: bool) -> Report:
-    """Give this process its cores and its scheduling, and hold the cores awake; return what came of it.
+    """Set this process's cores and scheduling, and keep the cores out of deep sleep; return what was applied.
 
-    In lockstep every role is pinned and SCHED_BATCH, whatever the settings say (decision 7). In real time the logger
-    is pinned alone. The driver holds cpu_dma_latency: it lives exactly as long as the trial.
+    In lockstep every role is pinned and gets SCHED_BATCH, whatever the settings say (decision 7). In real time the
+    logger is only pinned. The driver holds cpu_dma_latency, because it lives exactly as long as the trial.
     """
     report: Report = {}
     if settings.pin or not realtime:
@@ -37,10 +37,10 @@ def prepare(settings: RigSettings, role: str, cores: Iterable[int], realtime: bo
     if not realtime:
         report["scheduler"] = _account("batch", *schedule("batch", 0))
     elif role in LOOP:
-        # The clock's master comes first: a controller that computes too long must not hold it up.
+        # The driver keeps the clock, so it comes first: a controller that computes too long must not delay it.
         priority = settings.priority + (role == "driver")
         wanted = f"fifo {priority}" if settings.scheduler == "fifo" else settings.scheduler
-        # The slack first: the kernel drops it where the scheduler is SCHED_FIFO.
+        # The slack is set first: under SCHED_FIFO the kernel drops it.
         report["timer_slack"] = _account(f"{settings.timer_slack * 1e9:.0f} ns", *set_timer_slack(settings.timer_slack))
         report["scheduler"] = _account(wanted, *schedule(settings.scheduler, priority))
     if realtime and role == "driver":
@@ -49,9 +49,9 @@ def prepare(settings: RigSettings, role: str, cores: Iterable[int], realtime: bo
 
 
 def settle(settings: RigSettings, role: str, realtime: bool) -> Report:
-    """Lock the memory and freeze the garbage of this process, which has now all that the loop needs.
+    """Lock this process's memory and switch its garbage collector off; everything that the loop needs exists by now.
 
-    Garbage is frozen in lockstep and in the logger too: a collection takes 50 ms, and the loop may wait for it.
+    The collector is off in lockstep and in the logger too: a collection takes 50 ms, and the loop may wait for it.
     """
     report: Report = {}
     frozen = settings.freeze_garbage or not realtime
@@ -64,7 +64,7 @@ def settle(settings: RigSettings, role: str, realtime: bool) -> Report:
 
 
 def refusals(report: Report) -> list[str]:
-    """Return a line for each setting that was not applied as wanted: what, what instead, and why."""
+    """Return a line for each setting that was not applied as wanted: what was applied instead, and why."""
     return [
         f"{name}: {item['applied']} instead of {item['wanted']}: {item['reason']}"
         for name, item in report.items()
@@ -73,7 +73,7 @@ def refusals(report: Report) -> list[str]:
 
 
 def freeze() -> None:
-    """Keep the garbage collector out of the loop."""
+    """Collect garbage now, and switch the collector off."""
     gc.collect()
     gc.freeze()
     gc.disable()
@@ -84,7 +84,7 @@ def _account(wanted: str, applied: str, reason: str) -> dict[str, str]:
 
 
 def as_wanted(applied: str) -> dict[str, str]:
-    """Return the account of a setting that needs no permission."""
+    """Return the account of a setting that was applied as wanted."""
     return _account(applied, applied, "")
 
 
@@ -97,7 +97,7 @@ _held: list[int] = []
 
 
 def _hold_awake(latency: float | None) -> dict[str, str]:
-    """Ask for idle states that a core leaves within `latency` seconds, for as long as this process lives."""
+    """Allow only idle states that a core leaves within `latency`, s, for as long as this process lives."""
     if latency is None:
         return as_wanted("as it is")
     wanted = f"{latency * 1e6:.0f} us"

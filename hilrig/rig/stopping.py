@@ -1,4 +1,4 @@
-"""A process that stops itself whole and is continued by the kernel."""
+"""Stops a whole process for a given time; the kernel resumes it."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import time
 
 from hilrig.core.errors import RigError
 
-EXTRA = (0, 10_000_000, 100_000_000, 1_000_000_000)
-"""ns: SIGCONT is sent again so much later. A process that is held up before it stops would miss the first one"""
+RETRIES_NS = (0, 10_000_000, 100_000_000, 1_000_000_000)
+"""When SIGCONT is sent, after the time to resume, ns: a process that is delayed before it stops misses the first one"""
 _SECOND = 1_000_000_000
 _SIGEV_SIGNAL = 0
 _libc = ctypes.CDLL(None, use_errno=True)
@@ -32,23 +32,22 @@ class _TimerSpec(ctypes.Structure):
 
 
 class Stopper:
-    """Stops this process with all its threads (SIGSTOP), for a given time.
+    """Stops this process with all its threads (SIGSTOP) for a given time.
 
-    Nobody has to live for it to go on: POSIX timers of the process itself send SIGCONT, and timers run on while a
-    process is stopped. Such a signal runs the process's handler for SIGCONT, if it has one. Raises RigError where there
-    are no such timers.
+    No other process is needed to resume it: POSIX timers of the process itself send SIGCONT, and they run on while it
+    is stopped. The process's handler for SIGCONT runs, if it has one. Raises RigError where there are no such timers.
     """
 
     def __init__(self) -> None:
-        # One timer for each signal: a periodic one is not set off again while SIGCONT is ignored (Linux 6.13).
-        self._timers = [_new_timer() for _ in EXTRA]
+        # One timer for each SIGCONT: a periodic timer does not fire again while the signal is ignored (Linux 6.13).
+        self._timers = [_new_timer() for _ in RETRIES_NS]
 
-    def stop(self, duration: int) -> None:
-        """Stop this process for `duration` ns, above 0, and return when it has been continued."""
-        for timer, extra in zip(self._timers, EXTRA, strict=True):
-            _set(timer, duration + extra)
+    def stop(self, duration_ns: int) -> None:
+        """Stop this process for `duration_ns`, above 0, and return when it has resumed."""
+        for timer, extra in zip(self._timers, RETRIES_NS, strict=True):
+            _set(timer, duration_ns + extra)
         try:
-            # To this thread: another one that took the signal could stop the process when the timers are off already.
+            # To this thread: if another one took the signal, it might stop the process after the timers are off.
             signal.pthread_kill(threading.get_ident(), signal.SIGSTOP)
         finally:
             for timer in self._timers:
@@ -59,12 +58,12 @@ def _new_timer() -> ctypes.c_void_p:
     event, timer = _SignalEvent(None, signal.SIGCONT, _SIGEV_SIGNAL, b""), ctypes.c_void_p()
     create = getattr(_libc, "timer_create", None) or ctypes.CDLL("librt.so.1", use_errno=True).timer_create
     if create(time.CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer)) != 0:
-        raise RigError(f"no timer that could continue a stopped process: {os.strerror(ctypes.get_errno())}")
+        raise RigError(f"cannot make a timer that resumes a stopped process: {os.strerror(ctypes.get_errno())}")
     return timer
 
 
-def _set(timer: ctypes.c_void_p, after: int) -> None:
-    """Set a timer to go off once, `after` ns from now; 0: not at all."""
-    spec = _TimerSpec(0, 0, *divmod(after, _SECOND))
+def _set(timer: ctypes.c_void_p, after_ns: int) -> None:
+    """Set a timer to fire once, `after_ns` from now; 0 disarms it."""
+    spec = _TimerSpec(0, 0, *divmod(after_ns, _SECOND))
     if _libc.timer_settime(timer, 0, ctypes.byref(spec), None) != 0:
-        raise RigError(f"the timer that continues a stopped process: {os.strerror(ctypes.get_errno())}")
+        raise RigError(f"cannot set the timer that resumes a stopped process: {os.strerror(ctypes.get_errno())}")

@@ -1,15 +1,14 @@
-"""Starts the processes of one trial, watches over them, and sees that none is left."""
+"""Starts the processes of one trial, watches them, and makes sure that none is left."""
 
 from __future__ import annotations
 
 import json
 import os
 import shutil
-import signal
-import subprocess
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -20,25 +19,28 @@ from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.bus import Bus
 from hilrig.rig.child import Orders
 from hilrig.rig.cores import cores_for
-from hilrig.rig.launching import how_it_ended, launch
 from hilrig.rig.live import Live
 from hilrig.rig.outcome import Outcome
+from hilrig.rig.processes import (
+    READY_TIMEOUT_S,
+    SILENCE_TIMEOUT_S,
+    TERM_TIMEOUT_S,
+    ChildProcess,
+    Stopwatch,
+    kill_all,
+    log_of,
+    pause,
+)
 
 ROLES = ("driver", "controller", "logger")
-READY_TIMEOUT = float(os.environ.get("HILRIG_READY_TIMEOUT", "180"))
-"""s: the first trial on a machine compiles its kernels"""
-SILENCE_TIMEOUT = float(os.environ.get("HILRIG_SILENCE_TIMEOUT", "15"))
-"""s without progress after which a trial has hung"""
-FAREWELL = 0.5
-"""s that the last word of a process that has ended may take"""
-PROMPT = 1.0
-"""s that a process is given to end by itself when a trial is cut short; then it is told by SIGTERM"""
-GRACE = 5.0
-"""s that a process is given to end when it has been told, before it is killed"""
-WRITING = 60.0
-"""s that the logger is given to write what it has"""
-STEP = 0.005
-"""s between two looks at the children"""
+LAST_WORDS_TIMEOUT_S = 0.5
+"""How long the last message of a process that has ended may be on its way"""
+STOP_TIMEOUT_S = 1.0
+"""How long a process may take to end by itself when a trial is cut short; then it gets SIGTERM"""
+WRITE_TIMEOUT_S = 60.0
+"""How long the logger may take to write what it has"""
+TOKENS_S = 1.0
+"""Time between two looks at the liveliness tokens"""
 
 
 def run_on_bus(
@@ -49,23 +51,24 @@ def run_on_bus(
     slot: int = 0,
     live: Live | None = None,
 ) -> Outcome:
-    """Run one trial in three fresh processes over the bus; `slot` says which cores they are given.
+    """Run one trial in three fresh processes over the bus and return its outcome.
 
-    `live` is told where the trial can be watched.
+    `report` is called with the tick that the trial has reached, `stop` is asked whether the trial is to be aborted,
+    `slot` decides which cores the processes get, and `live` is told where the trial can be watched.
     """
     with Rig(run, trial, slot, live) as rig:
-        return Watch(rig, report, stop).until_the_end()
+        return Supervision(rig, report, stop).outcome()
 
 
 class Rig:
-    """The three processes of one trial and the supervisor's place on their bus."""
+    """The three processes of one trial, and the bus that connects them with the supervisor."""
 
     def __init__(self, run: Path, trial: Trial, slot: int, live: Live | None) -> None:
         self.run, self.trial = run, trial
         self.directory = trial_directory(run, trial.id)
         self._cores = cores_for(slot, trial.clock == "realtime")
         self._live = live
-        self.children: dict[str, subprocess.Popen[bytes]] = {}
+        self.children: dict[str, ChildProcess] = {}
 
     def __enter__(self) -> Rig:
         self._sockets = tempfile.mkdtemp(prefix="hilrig-")
@@ -91,31 +94,24 @@ class Rig:
     def _endpoint(self, name: str) -> str:
         return f"unixsock-stream/{self._sockets}/{name[0]}.sock"
 
-    def _start(self, role: str, listens: list[str], connects: list[str]) -> subprocess.Popen[bytes]:
+    def _start(self, role: str, listens: list[str], connects: list[str]) -> ChildProcess:
         orders = Orders(
             role, str(self.run.resolve()), self.trial.id, self._sockets,
             tuple(map(self._endpoint, listens)), tuple(map(self._endpoint, connects)),
-            self._cores[role], self.trial.clock == "realtime", asdict(self.trial.rig), READY_TIMEOUT, os.getpid(),
+            self._cores[role], self.trial.clock == "realtime", asdict(self.trial.rig), READY_TIMEOUT_S, os.getpid(),
         )  # fmt: skip
-        return launch(self.directory, role, orders.to_json())
+        return ChildProcess.start(
+            f"the {role} process", f"hilrig.rig.{role}_process", orders.to_json(), log_of(self.directory, role)
+        )
 
     def order(self, order: str, **details: Any) -> None:
-        """Tell all children."""
+        """Send an order to all children."""
         self._orders.put(json.dumps({"order": order, **details}).encode())
 
-    def terminate(self, *roles: str) -> None:
-        """Ask these processes to end now."""
-        for role in roles:
-            if self.children[role].poll() is None:
-                self.children[role].send_signal(signal.SIGTERM)
-
-    def wait(self, role: str, timeout: float) -> bool:
-        """Wait for a process to end; return whether it did."""
-        try:
-            self.children[role].wait(timeout)
-        except subprocess.TimeoutExpired:
-            return False
-        return True
+    def how_it_ended(self, role: str) -> str:
+        """Return one line on how a process ended that did not say so itself."""
+        log = log_of(self.directory, role)
+        return f"{self.children[role].how_it_ended(log)} (see {log})"
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -123,18 +119,17 @@ class Rig:
         self._clean_up()
 
     def _clean_up(self) -> None:
-        if self._live:
-            self._live.end(self.trial.id)
-        for process in self.children.values():
-            if process.poll() is None:
-                process.kill()
-            process.wait()
-        if hasattr(self, "bus"):
-            self.bus.close()
-        shutil.rmtree(self._sockets, ignore_errors=True)
+        # In reverse order, and each step is taken even if one before it fails.
+        with ExitStack() as steps:
+            if self._live:
+                steps.callback(self._live.end, self.trial.id)
+            steps.callback(shutil.rmtree, self._sockets, ignore_errors=True)
+            if hasattr(self, "bus"):
+                steps.callback(self.bus.close)
+            steps.callback(kill_all, self.children.values())
 
 
-class Watch:
+class Supervision:
     """Follows one trial from the start of its processes to its outcome."""
 
     def __init__(self, rig: Rig, report: Callable[[int], None], stop: Callable[[], bool]) -> None:
@@ -146,56 +141,57 @@ class Watch:
         self._exits: dict[str, float] = {}
         self._missing: set[str] = set()
         self._ticks = 0
-        self._heard = time.monotonic()
-        self._look_for_tokens = 0.0
+        self._silence = Stopwatch()
+        self._next_look_for_tokens = 0.0
 
-    def until_the_end(self) -> Outcome:
-        """Return the outcome of the trial."""
+    def outcome(self) -> Outcome:
+        """Follow the trial to its end and return its outcome."""
         began = time.monotonic()
         if self._all_ready():
-            began = self._heard = time.monotonic()
+            began = time.monotonic()
+            self._silence.restart()
             self._begun = True
             setup = {role: self._ready[role]["setup"] for role in ROLES}
             self._rig.order("go", memory=self._ready["controller"]["memory"], setup=setup)
             self._follow()
-        wall = time.monotonic() - began
+        wall_s = time.monotonic() - began
         channels = self._bring_down()
         outcome, reason = self._verdict or ("completed", "")
         loop_s = self._done.get("driver", {}).get("loop_s")
-        return Outcome.of(self._rig.trial, outcome, reason, self._ticks, wall, channels, loop_s)
+        return Outcome.of(self._rig.trial, outcome, reason, self._ticks, wall_s, channels, loop_s)
 
     def _all_ready(self) -> bool:
-        deadline = time.monotonic() + READY_TIMEOUT
+        waited = Stopwatch()
         while len(self._ready) < len(ROLES):
             self._look()
             if self._verdict:
                 return False
-            if time.monotonic() > deadline:
+            if waited.look() > READY_TIMEOUT_S:
                 joined = self._rig.bus.alive()
                 missing = [role for role in ROLES if role not in joined] or [r for r in ROLES if r not in self._ready]
-                self._conclude("timed_out", f"not ready after {READY_TIMEOUT:g} s: {', '.join(missing)}")
+                self._conclude("timed_out", f"not ready after {READY_TIMEOUT_S:g} s: {', '.join(missing)}")
                 return False
         return True
 
     def _follow(self) -> None:
         while "driver" not in self._done and not self._verdict:
             self._look()
-            if time.monotonic() - self._heard > SILENCE_TIMEOUT:
-                self._conclude("timed_out", f"no progress for {SILENCE_TIMEOUT:g} s after tick {self._ticks}")
+            if self._silence.look() > SILENCE_TIMEOUT_S:
+                self._conclude("timed_out", f"no progress for {SILENCE_TIMEOUT_S:g} s after tick {self._ticks}")
             self._check_tokens()
 
     def _look(self) -> None:
-        """Take in what the children said, whether they live, and whether someone wants an end."""
+        """Hear what the children said, check that they are alive, and check whether the trial is to be aborted."""
         self._hear()
         now = time.monotonic()
-        for role, process in self._rig.children.items():
-            gone = process.poll() is not None and role not in self._done
-            # What it said last may still be on its way.
-            if gone and now - self._exits.setdefault(role, now) > FAREWELL:
-                self._lost(role, process.returncode)
+        for role, child in self._rig.children.items():
+            gone = child.exit_code is not None and role not in self._done
+            # Its last message may still be on its way.
+            if gone and now - self._exits.setdefault(role, now) > LAST_WORDS_TIMEOUT_S:
+                self._lost(role)
         if self._stop():
             self._conclude("aborted", "interrupted")
-        time.sleep(STEP)
+        pause()
 
     def _hear(self) -> None:
         """Take in what the children said."""
@@ -204,7 +200,7 @@ class Watch:
 
     def _take(self, status: dict[str, Any]) -> None:
         role, event = status["role"], status["event"]
-        self._heard = time.monotonic()
+        self._silence.restart()
         if event == "ready":
             self._ready[role] = status
         elif event == "progress":
@@ -220,64 +216,56 @@ class Watch:
         else:
             self._conclude("tripped" if event == "tripped" else "failed", f"{role}: {status['reason']}")
 
-    def _lost(self, role: str, code: int) -> None:
-        """A process ended without a word."""
+    def _lost(self, role: str) -> None:
+        """Note that a process ended without a word."""
         self._done[role] = {}
-        if not self._verdict:
-            self._conclude("failed", how_it_ended(self._rig.directory, role, code))
+        self._conclude("failed", self._rig.how_it_ended(role))
 
     def _check_tokens(self) -> None:
-        """Across hosts no exit code tells that a process is gone; its liveliness token does."""
+        """Check the liveliness tokens: across hosts there is no exit code that tells that a process is gone."""
         now = time.monotonic()
-        if now < self._look_for_tokens or self._verdict:
+        if now < self._next_look_for_tokens or self._verdict:
             return
-        self._look_for_tokens = now + 1.0
+        self._next_look_for_tokens = now + TOKENS_S
         missing = {role for role in ROLES if role not in self._rig.bus.alive() | self._done.keys() | self._exits.keys()}
-        # Twice in a row: a token may be late to show where the machine is busy.
+        # Twice in a row: on a busy machine a token may show late.
         gone, self._missing = missing & self._missing, missing
         if gone:
             self._conclude("failed", f"{', '.join(sorted(gone))} vanished from the bus")
 
     def _conclude(self, outcome: str, reason: str) -> None:
-        """The first verdict stands: what comes after it is its consequence."""
+        """Take this as the verdict unless there is one: what comes after the first is its consequence."""
         if self._verdict is None:
             self._verdict = (outcome, reason)
 
     def _bring_down(self) -> dict[str, Any]:
-        """End the children in order, the logger last, and return the logger's account."""
-        rig = self._rig
+        """End the children in order, the logger last, and return the logger's account of what it stored."""
+        children = self._rig.children
         if self._verdict and self._begun:
-            rig.order("stop")
+            self._rig.order("stop")
         elif self._verdict:
-            rig.terminate(*ROLES)
-        patience = PROMPT if self._verdict else GRACE
+            for child in children.values():
+                child.terminate()
         for role in ("driver", "controller"):
-            if not self._ended(role, patience):
-                rig.terminate(role)
-                if not self._ended(role, GRACE):
-                    rig.children[role].kill()
-        if not self._ended("logger", PROMPT if self._verdict else WRITING):
-            rig.terminate("logger")
-            self._ended("logger", WRITING if self._begun else PROMPT)
-        self._hear_all()
+            children[role].end(STOP_TIMEOUT_S if self._verdict else TERM_TIMEOUT_S, enough=self._listen)
+        children["logger"].end(
+            STOP_TIMEOUT_S if self._verdict else WRITE_TIMEOUT_S,
+            WRITE_TIMEOUT_S if self._begun else STOP_TIMEOUT_S,
+            self._listen,
+        )
+        self._hear_last_words()
         if not self._verdict and self._done.get("driver", {}).get("outcome") != "completed":
             self._conclude("failed", self._done.get("driver", {}).get("reason") or "the driver did not finish")
         return self._done.get("logger", {}).get("channels", {})
 
-    def _hear_all(self) -> None:
-        """Wait for the last words of all that have ended, as long as words can take."""
-        deadline = time.monotonic() + FAREWELL
-        while any(role not in self._done for role in ROLES) and time.monotonic() < deadline:
-            self._hear()
-            time.sleep(STEP)
-
-    def _ended(self, role: str, timeout: float) -> bool:
-        """Wait for a process, listening meanwhile."""
-        deadline = time.monotonic() + timeout
-        while self._rig.children[role].poll() is None:
-            if time.monotonic() > deadline:
-                return False
-            self._hear()
-            time.sleep(STEP)
+    def _listen(self) -> bool:
+        """Hear what the children say while one of them is awaited; nothing they say ends the wait."""
         self._hear()
-        return True
+        return pause()
+
+    def _hear_last_words(self) -> None:
+        """Wait for the last messages of the processes that have ended, `LAST_WORDS_TIMEOUT_S` at most."""
+        deadline = time.monotonic() + LAST_WORDS_TIMEOUT_S
+        self._hear()
+        while any(role not in self._done for role in ROLES) and time.monotonic() < deadline:
+            self._listen()

@@ -1,4 +1,4 @@
-"""A worker's process: whole trials without the bus; told what to do, to stop, and heard over one line."""
+"""A worker's process: runs whole trials without the bus, and talks to its parent over one line (a socket pair)."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from hilrig.recording.run_directory import read_trial
 from hilrig.rig.child import Signals
 from hilrig.rig.cores import pin
 from hilrig.rig.in_process import run_in_process
-from hilrig.rig.launching import log_of
 from hilrig.rig.outcome import Outcome
+from hilrig.rig.processes import log_of
 
 
 def main() -> None:
-    """Run the trials that are named on the line, one after the other; say each tick reported, and then the outcome."""
+    """Run the trials named on the line, one after the other; report the ticks reached, and then the outcome."""
     orders = json.loads(sys.argv[1])
     run, line = Path(orders["run"]), Connection(orders["line"])
     signals = Signals()
@@ -30,14 +30,14 @@ def main() -> None:
             name = line.recv()
             _write_to(log_of(run / "trials" / name, "worker"))
             line.send(_outcome(run, name, line))
-    except (Stopped, EOFError, OSError) as end:  # nobody listens any more, or nobody speaks
+    except (Stopped, EOFError, OSError) as end:  # OSError, EOFError: the parent has closed the line
         print(f"stopped: {end}", flush=True)
     finally:
         signals.enough()
 
 
 def _write_to(log: Path) -> None:
-    """Let what is printed from now on, by C libraries too, go to `log`."""
+    """Send everything that is printed from now on, by C libraries too, to `log`."""
     sys.stdout.flush()
     with log.open("ab") as file:
         os.dup2(file.fileno(), 1)
@@ -45,7 +45,7 @@ def _write_to(log: Path) -> None:
 
 
 def _outcome(run: Path, name: str, line: Connection) -> Outcome:
-    """Run the trial. Whatever is said on the line, or its end, means stop."""
+    """Run the trial and return its outcome. Anything that comes on the line means stop, and so does its end."""
     trial = read_trial(run, name)
     try:
         return run_in_process(run, trial, line.send, line.poll)

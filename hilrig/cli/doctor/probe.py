@@ -1,16 +1,14 @@
-"""Measures what this machine does at 1 kHz: two processes of the loop's own make, with nothing to compute."""
+"""Measures what this machine does at 1 kHz: two processes, set up like those of a trial, that compute nothing."""
 
 from __future__ import annotations
 
 import json
 import os
 import shutil
-import subprocess
-import sys
 import tempfile
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,58 +16,53 @@ from hilrig.cli.doctor.verdict import Probe, Stamps, summarise
 from hilrig.core.errors import RigError
 from hilrig.experiment.rig_settings import RigSettings
 from hilrig.rig.cores import cores_for
-from hilrig.rig.launching import CHILD_ENVIRONMENT
+from hilrig.rig.processes import ChildProcess, kill_all, pause
 
-PERIOD = 1_000_000
-"""ns"""
-START_UP = 60.0
-"""s that the processes are given to start and to end, beside the time of the probe"""
+PERIOD_NS = 1_000_000
+START_UP_TIMEOUT_S = 60.0
+"""How long the processes may take to start and to end, besides the time of the probe"""
 
 
 def probe(seconds: float, settings: RigSettings) -> Probe:
     """Return what a probe of `seconds` found. Raises RigError if one of its processes fails."""
     sockets = tempfile.mkdtemp(prefix="hilrig-")
     cores = cores_for(0, realtime=True)
-    ticks = round(seconds * 1e9 / PERIOD)
+    ticks = round(seconds * 1e9 / PERIOD_NS)
     common = {
-        "sockets": sockets, "ticks": ticks, "period": PERIOD, "settings": asdict(settings), "parent": os.getpid(),
-        "out": str(Path(sockets) / "stamps.npy"),
+        "sockets": sockets, "ticks": ticks, "period_ns": PERIOD_NS, "settings": asdict(settings), "parent": os.getpid(),
     }  # fmt: skip
-    children: dict[str, subprocess.Popen[str]] = {}
+    logs = {role: Path(sockets) / f"{role}.log" for role in ("driver", "controller")}
+    children: dict[str, ChildProcess] = {}
     try:
         before = _processor_time()
-        for role in ("driver", "controller"):
-            children[role] = _start({**common, "role": role, "cores": cores[role]})
-        setup = {role: _account(role, child, seconds + START_UP) for role, child in children.items()}
+        for role, log in logs.items():
+            orders = json.dumps({**common, "role": role, "cores": cores[role]})
+            name, module = f"the probe's {role} process", "hilrig.cli.doctor.probe_process"
+            children[role] = ChildProcess.start(name, module, orders, log)
+        _wait_for(children, logs, seconds + START_UP_TIMEOUT_S)
         after = _processor_time()
-        due, woke, published, received = np.load(common["out"])
+        setup = {role: json.loads((Path(sockets) / f"{role}.json").read_text()) for role in children}
+        due, woke, published, received = np.load(Path(sockets) / "stamps.npy")
     finally:
-        for child in children.values():
-            child.kill()
-            child.communicate()
+        kill_all(children.values())
         shutil.rmtree(sockets, ignore_errors=True)
     total, stolen = after[0] - before[0], after[1] - before[1]
-    return summarise(Stamps(PERIOD, due, woke, published, received), stolen / max(total, 1), setup)
+    return summarise(Stamps(PERIOD_NS, due, woke, published, received), stolen / max(total, 1), setup)
 
 
-def _start(orders: dict[str, Any]) -> subprocess.Popen[str]:
-    command = [sys.executable, "-P", "-m", "hilrig.cli.doctor.probe_process", json.dumps(orders)]
-    return subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        start_new_session=True, env={**os.environ, **CHILD_ENVIRONMENT},
-    )  # fmt: skip
+def _wait_for(children: Mapping[str, ChildProcess], logs: Mapping[str, Path], timeout_s: float) -> None:
+    """Wait until all have ended well. Raises RigError for the first that failed, or that still runs at the end."""
 
+    def one_failed() -> bool:
+        return pause() or any(child.failed for child in children.values())
 
-def _account(role: str, child: subprocess.Popen[str], patience: float) -> dict[str, dict[str, str]]:
-    """Wait for a process of the probe; return what it says of its set-up."""
-    try:
-        said, errors = child.communicate(timeout=patience)
-    except subprocess.TimeoutExpired:
-        raise RigError(f"the probe's {role} process did not end within {patience:.0f} s") from None
-    if child.returncode != 0:
-        last = (errors.strip().splitlines() or ["no word"])[-1]
-        raise RigError(f"the probe's {role} process ended with exit code {child.returncode}: {last}")
-    return json.loads(said)
+    in_time = all(child.wait(timeout_s, one_failed) for child in children.values())
+    for role, child in children.items():
+        if child.failed:
+            raise RigError(child.how_it_ended(logs[role]))
+    if not in_time:
+        late = next(child for child in children.values() if child.exit_code is None)
+        raise RigError(f"{late.name} did not end within {timeout_s:.0f} s")
 
 
 def _processor_time() -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""A process of the probe: the driver's half asks at every tick, the controller's half answers at once."""
+"""A process of the probe: the driver asks at every tick, and the controller answers at once."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import sys
 import threading
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,21 +15,21 @@ from numpy.typing import NDArray
 from hilrig.core.errors import RigError
 from hilrig.experiment.rig_settings import RigSettings
 from hilrig.rig.bus import Bus
-from hilrig.rig.child import PAUSE, REHEARSALS, Signals
+from hilrig.rig.child import PAUSE_S, REHEARSALS, Signals
 from hilrig.rig.clock import Pacer
 from hilrig.rig.setup import Report, prepare, settle
 
-PAYLOAD = 140
-"""bytes of a State of an arm with two joints"""
-PATIENCE = 30.0
-"""s that the other half is given to join"""
-LAST_ANSWER = 1.0
-"""s that the last answers are given to come in"""
+PAYLOAD_BYTES = 140
+"""Size of the state message of an arm with two joints"""
+JOIN_TIMEOUT_S = 30.0
+"""How long the other process may take to join the bus"""
+LAST_ANSWERS_S = 1.0
+"""How long to wait for the last answers"""
 OTHER = {"driver": "controller", "controller": "driver"}
 
 
 def main() -> None:
-    """Run one half as told on the command line; print what came of the settings, as JSON."""
+    """Run as ordered on the command line; write which settings were applied to <role>.json, beside the sockets."""
     orders = json.loads(sys.argv[1])
     role, settings = orders["role"], RigSettings(**orders["settings"])
     signals = Signals()
@@ -37,7 +38,7 @@ def main() -> None:
     with _bus(role, orders["sockets"], settings.low_latency_link) as bus:
         report |= ask(bus, orders, settings) if role == "driver" else answer(bus, settings)
     signals.enough()
-    print(json.dumps(report))
+    (Path(orders["sockets"]) / f"{role}.json").write_text(json.dumps(report))
 
 
 def _bus(role: str, sockets: str, low_latency: bool) -> Bus:
@@ -47,38 +48,38 @@ def _bus(role: str, sockets: str, low_latency: bool) -> Bus:
 
 
 def _join(bus: Bus, role: str, settings: RigSettings) -> Report:
-    """Wait for the other half, and settle."""
+    """Wait for the other process, and settle."""
     bus.announce()
-    if bus.wait_for([OTHER[role]], PATIENCE):
-        raise RigError(f"waited {PATIENCE:g} s for the {OTHER[role]}")
+    if bus.wait_for([OTHER[role]], JOIN_TIMEOUT_S):
+        raise RigError(f"the {OTHER[role]} did not join the bus within {JOIN_TIMEOUT_S:g} s")
     return settle(settings, role, realtime=True)
 
 
 def ask(bus: Bus, orders: dict[str, Any], settings: RigSettings) -> Report:
-    """Send a message at every tick, and stamp the answers as they come in; save the stamps, int64 (4, N)."""
-    ticks, period = orders["ticks"], orders["period"]
+    """Send a message at every tick and stamp the answers as they come in; save the stamps, int64 (4, N) ns."""
+    ticks, period_ns = orders["ticks"], orders["period_ns"]
     asked, answers = bus.outbox("asked", blocking=False), bus.inbox("answered")
     stamps = np.zeros((4, ticks), dtype=np.int64)
-    padding = bytes(PAYLOAD - 8)
+    padding = bytes(PAYLOAD_BYTES - 8)
     report = _join(bus, "driver", settings)
-    # As before a trial: the other half may still be setting itself up, and the bus is slow at its first messages.
+    # As before a trial: the controller may still be settling, and the first messages on the bus are slow.
     for _ in range(REHEARSALS):
         asked.put(bytes(8) + padding)
         answers.take()
-        time.sleep(PAUSE)
-    # As in the driver's process, a thread stamps them: the loop itself is busy with the next tick.
+        time.sleep(PAUSE_S)
+    # As in a trial, a thread stamps the answers: the loop itself is asleep until the next tick.
     listener = threading.Thread(target=_listen, args=(answers, stamps[3]), daemon=True)
     listener.start()
-    pacer = Pacer(period * 1e-9, realtime=True, spin=settings.spin)
+    pacer = Pacer(period_ns * 1e-9, realtime=True, spin=settings.spin)
     for tick in range(ticks):
         due = pacer.wait(tick)
         woke = time.monotonic_ns()
         asked.put(tick.to_bytes(8, "little") + padding)
         stamps[:3, tick] = due, woke, time.monotonic_ns()
-    time.sleep(LAST_ANSWER)
+    time.sleep(LAST_ANSWERS_S)
     asked.end()
-    listener.join(PATIENCE)
-    np.save(orders["out"], stamps)
+    listener.join(JOIN_TIMEOUT_S)
+    np.save(Path(orders["sockets"]) / "stamps.npy", stamps)
     return report
 
 
@@ -88,7 +89,7 @@ def _listen(answers: Any, received: NDArray[np.int64]) -> None:
 
 
 def answer(bus: Bus, settings: RigSettings) -> Report:
-    """Send back what comes in, until the empty message that ends it."""
+    """Send every message back until an empty one comes, which is the last."""
     asked, answers = bus.inbox("asked"), bus.outbox("answered", blocking=False)
     report = _join(bus, "controller", settings)
     while payload := asked.take():

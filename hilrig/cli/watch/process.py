@@ -1,4 +1,4 @@
-"""The watcher of `hilrig run --watch`: a process of its own on the run's terminal."""
+"""The watch process of `hilrig run --watch`, which shows the run on its terminal."""
 
 from __future__ import annotations
 
@@ -12,22 +12,24 @@ from rich.text import Text
 from hilrig.cli.terminal import errors, outcome_line
 from hilrig.experiment.trial import Trial
 from hilrig.rig.outcome import Outcome
+from hilrig.rig.processes import ChildProcess
 
-PATIENCE = 3.0
-"""s that the watcher is given to end by itself, and again when it was told to"""
+END_TIMEOUT_S = 3.0
+"""How long the watch process may take to end by itself, and again after SIGTERM"""
 
 
 class WatchedRun:
-    """Leaves the terminal to a watcher while the trials go on; tells how they ended when it is gone."""
+    """Leaves the terminal to the watch process while the trials run, and prints how they ended after that."""
 
     def __init__(self) -> None:
-        self._watcher: subprocess.Popen[bytes] | None = None
+        self._watcher: ChildProcess | None = None
         self._lines: list[Text] = []
 
     def opened(self, run: Path) -> None:
-        """Start the watcher of this run. It shares the terminal; Ctrl-C there is meant for the run."""
+        """Start the watch process. It shares the terminal; Ctrl-C there is meant for the run."""
         command = [sys.executable, "-P", "-m", "hilrig", "watch", str(run), "--keep-on"]
-        self._watcher = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=sys.stderr)
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=sys.stderr)
+        self._watcher = ChildProcess("the watch process", process)
 
     def started(self, trial: Trial) -> None:
         """The watcher shows it."""
@@ -36,7 +38,7 @@ class WatchedRun:
         """The watcher shows it."""
 
     def ended(self, trial: Trial, outcome: Outcome) -> None:
-        """Keep the line on a trial's end until the terminal is free."""
+        """Keep the line on how a trial ended until the terminal is free."""
         if errors.is_terminal or not outcome.completed:
             self._lines.append(outcome_line(outcome))
 
@@ -51,19 +53,13 @@ class WatchedRun:
         for line in self._lines:
             errors.print(line)
 
-    def _see_out(self, watcher: subprocess.Popen[bytes]) -> None:
+    def _see_out(self, watcher: ChildProcess) -> None:
         """Wait for the watcher, which ends with the run; end it if it does not."""
-        for end in (watcher.terminate, watcher.kill):
-            try:
-                watcher.wait(PATIENCE)
-                break
-            except subprocess.TimeoutExpired:
-                end()
-        else:
-            watcher.wait()
-        if watcher.returncode < 0:
+        watcher.end(END_TIMEOUT_S, END_TIMEOUT_S)
+        code = watcher.exit_code
+        if code is None or code < 0:
             # It could not give the terminal back itself.
             errors.set_alt_screen(False)
             errors.show_cursor()
-        if watcher.returncode:
-            errors.print(f"the watcher ended with exit code {watcher.returncode}; the run was not touched by it")
+        if code != 0:
+            errors.print(f"{watcher.how_it_ended()}; the run itself is not affected")

@@ -18,7 +18,7 @@ from hilrig.cli.watch.planned import planned_run
 from hilrig.cli.watch.scene import Scene
 from hilrig.cli.watch.screen import Screen
 from hilrig.core.errors import RunDirectoryError
-from hilrig.rig.launching import CHILD_ENVIRONMENT
+from hilrig.rig.processes import CHILD_ENVIRONMENT
 
 FRAME = 0.2
 """s between two screens"""

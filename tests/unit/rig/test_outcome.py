@@ -28,7 +28,7 @@ def test_a_whole_record_completes_the_trial() -> None:
     [
         ({"state": account(200, 200), "command": account(200, 198)}, "command: 198 stored, 200 sent"),
         ({"state": account(None, 200)}, "state: 200 stored, ? sent"),
-        ({}, "no account"),
+        ({}, "the logger did not report what it stored"),
     ],
 )
 def test_an_unexplained_gap_is_a_failure(channels: dict[str, Any], reason: str) -> None:

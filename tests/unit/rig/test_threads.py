@@ -1,4 +1,4 @@
-"""The threads beside the loop: what comes is stamped, what goes never holds it up, and a stop is seen."""
+"""The threads beside the loop: commands are stamped as they arrive, sending never blocks, and a stop is noticed."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ class Box:
 
 
 def within(seconds: float, wanted: Any) -> bool:
-    """Wait until `wanted()` holds; return whether it came to that."""
+    """Wait until `wanted()` holds, `seconds` at most; return whether it does."""
     deadline = time.monotonic() + seconds
     while not wanted() and time.monotonic() < deadline:
         time.sleep(0.001)
     return wanted()
 
 
-def test_who_waits_takes_them_in_order() -> None:
+def test_in_lockstep_commands_are_taken_in_order() -> None:
     box: Any = Box()
     for message in (b"one", b"two", b""):
         box.messages.put(message)
@@ -62,10 +62,10 @@ def test_who_waits_takes_them_in_order() -> None:
     assert stamps == sorted(stamps)
 
 
-def test_arrivals_are_stamped_when_they_come_not_when_they_are_taken() -> None:
+def test_commands_are_stamped_when_they_arrive_not_when_they_are_taken() -> None:
     box: Any = Box()
     receiver, taken, spans = CommandReceiver(box), [], []
-    assert receiver.take() is None, "nothing has come, and nobody waits"
+    assert receiver.take() is None, "nothing has arrived, and the call does not wait"
     for message in (b"one", b"two", b""):
         before = time.monotonic_ns()
         box.messages.put(message)
@@ -78,8 +78,8 @@ def test_arrivals_are_stamped_when_they_come_not_when_they_are_taken() -> None:
         assert before <= moment <= after
 
 
-def test_a_bus_that_is_closed_is_the_last_to_come() -> None:
-    """The thread that listens ends, without a word in the trial's log."""
+def test_a_closed_bus_ends_the_commands() -> None:
+    """The thread that listens ends, and prints nothing into the trial's log."""
 
     class Closed:
         def take(self) -> bytes:
@@ -95,39 +95,39 @@ def test_a_bus_that_is_closed_is_the_last_to_come() -> None:
 
 
 @given(st.lists(st.binary(max_size=20), max_size=50))
-def test_a_courier_brings_all_in_order(messages: list[bytes]) -> None:
-    brought: list[bytes] = []
-    sender = BackgroundSender(brought.append)
+def test_a_background_sender_sends_everything_in_order(messages: list[bytes]) -> None:
+    sent: list[bytes] = []
+    sender = BackgroundSender(sent.append)
     for message in messages:
         sender.send(message)
     sender.finish()
-    assert brought == messages
+    assert sent == messages
 
 
-def test_a_courier_that_is_held_up_holds_nobody_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It keeps the newest: the last one is what the logger waits for."""
+def test_a_background_sender_that_is_blocked_blocks_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It keeps the newest packets, because the logger waits for the last one."""
     monkeypatch.setattr(background_sender, "MOST", 5)
-    brought: list[bytes] = []
-    at_the_door, go = Event(), Event()
+    sent: list[bytes] = []
+    blocked, go = Event(), Event()
 
     def put(message: bytes) -> None:
-        at_the_door.set()
+        blocked.set()
         go.wait(20.0)
-        brought.append(message)
+        sent.append(message)
 
     sender = BackgroundSender(put)
     sender.send(b"0")
-    assert at_the_door.wait(20.0)
+    assert blocked.wait(20.0)
     for k in range(1, 100):
         sender.send(b"%d" % k)
-    assert brought == [], "all were sent while the first was on its way"
+    assert sent == [], "nothing went out while the first packet was blocked"
     go.set()
     sender.finish()
-    assert brought == [b"0", *(b"%d" % k for k in range(95, 100))]
+    assert sent == [b"0", *(b"%d" % k for k in range(95, 100))]
 
 
-def test_a_stop_is_noted_each_time_the_process_goes_on() -> None:
-    """By a process of its own; CLOCK_MONOTONIC is the same in all processes."""
+def test_each_resumption_of_a_stopped_process_is_noted() -> None:
+    """In a process of its own; CLOCK_MONOTONIC is the same in all processes."""
     child = subprocess.Popen([sys.executable, "-c", STOPPED], stdin=-1, stdout=-1, text=True)
     assert child.stdin is not None
     assert child.stdout is not None
@@ -153,7 +153,7 @@ def state_of(pid: int) -> str:
         return file.read().rsplit(")", 1)[1].split()[0]
 
 
-def test_at_rest_a_courier_has_sent_everything() -> None:
+def test_after_a_flush_everything_has_been_sent() -> None:
     sent: list[bytes] = []
 
     def put(message: bytes) -> None:
@@ -163,6 +163,6 @@ def test_at_rest_a_courier_has_sent_everything() -> None:
     sender = BackgroundSender(put)
     for number in range(5):
         sender.send(bytes([number]))
-    sender.rest()
+    sender.flush()
     assert sent[:5] == [bytes([number]) for number in range(5)]
     sender.finish()
