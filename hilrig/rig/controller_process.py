@@ -48,7 +48,7 @@ def answer_all(
     """Answer until the last measurement. Raises Tripped."""
     now, put, message = time.monotonic_ns, commands.put, record.batches["command"].message
     note, last = record.stamps.append, record.rows - 1
-    certified, unstamped, resume_monitor = child.settings.certificate, child.settings.unstamped, child.resume_monitor
+    certified, resume_monitor = child.settings.certificate, child.resume_monitor
     while True:
         waiting = now()
         state = states.take()
@@ -64,7 +64,7 @@ def answer_all(
         command = message(row)
         published = now()
         put(command)
-        if certified and not tick & unstamped:
+        if certified:
             note((tick, tick * period, waiting, received, computed, published, resume_monitor.last))
         record.wrote(row)
         if row == last:

@@ -39,7 +39,7 @@ class BusWire:
         self._commands = CommandReceiver(inbox) if self._realtime else Waiting(inbox)
         self._record = Record(child.record(), codecs, DRIVER)
         self._state = self._record.batches["state"]
-        self._certified, self._unstamped = child.settings.certificate, child.settings.unstamped
+        self._certified = child.settings.certificate
         self._continued = child.resume_monitor
         self.half = DriverNode(trial, codecs, self._record.batches, self._record.rows)
         self._waiting: deque[tuple[int, int, bytes]] = deque()
@@ -99,7 +99,7 @@ class BusWire:
 
     def _note(self, tick: int, row: int) -> None:
         """Note when things happened at this tick; every so many ticks hand the record over."""
-        if self._certified and not tick & self._unstamped:
+        if self._certified:
             command, received, _ = self._held
             self._record.stamps.append((
                 tick, tick * self._period, self._due, self._woke, self._published, command, received, self._applied,
