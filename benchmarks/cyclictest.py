@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-import re
+import json
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +18,9 @@ from hilrig.core.errors import RigError
 LONGEST = 20_000
 """us of lateness that the histogram holds"""
 LATE = 1000
-"""us: a wake-up that is later than this has missed a period of 1 ms"""
+"""us: a thread that wakes later than this has missed a period of 1 ms"""
 INSTALL = "apt install rt-tests"
+TOO_OLD = "it has no --json; install a newer rt-tests (Debian 12 has 2.4)"
 
 
 def installed() -> bool:
@@ -27,56 +31,47 @@ def installed() -> bool:
 def run_cyclictest(place: Placement, duration: float, period: float) -> dict[str, float]:
     """Run it for `duration` s with this period (s) on the rig's core, at the rig's priority; return `quantities`.
 
-    Without SCHED_FIFO it also leaves the machine's idle states alone. Raises RigError if it does not do it.
+    Without SCHED_FIFO it is also told to leave the machine's idle states alone. Raises RigError if it fails.
     """
+    with tempfile.TemporaryDirectory(prefix="bench-") as folder:
+        out = Path(folder) / "cyclictest.json"
+        _run(place, duration, period, out)
+        return quantities(json.loads(out.read_text(encoding="utf-8"))["thread"]["0"])
+
+
+def _run(place: Placement, duration: float, period: float, out: Path) -> None:
     command = [
         "cyclictest", "--quiet", "--threads=1", f"--affinity={place.core}", f"--interval={round(period * 1e6)}",
-        f"--duration={max(round(duration), 1)}", f"--histogram={LONGEST}", f"--policy={place.policy}",
+        f"--duration={max(round(duration), 1)}", f"--histogram={LONGEST}", f"--json={out}", f"--policy={place.policy}",
         f"--priority={place.priority}", *(["--mlockall"] if place.policy == "fifo" else ["--default-system"]),
     ]  # fmt: skip
+    patience = duration + 60.0
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=duration + 60.0)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=patience)
     except subprocess.TimeoutExpired:
-        raise RigError(f"cyclictest did not end within {duration + 60.0:.0f} s") from None
+        raise RigError(f"cyclictest did not end within {patience:.0f} s") from None
     if done.returncode != 0:
-        lines = (done.stderr or done.stdout).strip().splitlines()
-        raise RigError(f"cyclictest ended with exit code {done.returncode}: {lines[0] if lines else ''}")
-    return quantities(read_histogram(done.stdout), read_summary(done.stdout))
+        first = ((done.stderr or done.stdout).strip().splitlines() or ["it printed nothing"])[0]
+        why = TOO_OLD if "--json" in first else first
+        raise RigError(f"cyclictest ended with exit code {done.returncode}: {why}")
 
 
-def read_histogram(text: str) -> dict[int, int]:
-    """Return lateness in whole us -> wake-ups, from what cyclictest --histogram printed for one thread."""
-    rows = re.findall(r"^(\d+)\s+(\d+)\s*$", text, re.MULTILINE)
-    return {int(lateness): int(count) for lateness, count in rows if int(count)}
+def quantities(thread: Mapping[str, Any]) -> dict[str, float]:
+    """Return wakeups, over_1ms, over_1ms_fraction and lateness_{p50,p99,max}_us of a thread in cyclictest's JSON.
 
-
-def read_summary(text: str) -> dict[str, int]:
-    """Return the largest lateness (us) and the wake-ups beyond the histogram. Raises RigError if they are not there."""
-    found = {}
-    for key, label in (("max", "Max Latencies"), ("overflows", "Histogram Overflows")):
-        match = re.search(rf"^# {label}:\s*(\d+)", text, re.MULTILINE)
-        if match is None:
-            raise RigError(f"cyclictest printed no '{label}'")
-        found[key] = int(match[1])
-    return found
-
-
-def quantities(histogram: Mapping[int, int], summary: Mapping[str, int]) -> dict[str, float]:
-    """Return wakeups, over_1ms, over_1ms_fraction and lateness_{p50,p99,max}_us.
-
-    A quantile is the lowest lateness that so many wake-ups do not exceed; cyclictest counts whole microseconds, rounded
-    down. Wake-ups beyond the histogram count as the latest one.
+    `histogram` there counts the cycles by lateness in whole microseconds, rounded down; `cycles` is their number with
+    those beyond the histogram, which count here as late as the latest, `max`. A quantile is the lowest lateness that
+    so many cycles do not exceed. Raises RigError if there was no cycle.
     """
-    bins = {**histogram}
-    if summary["overflows"]:
-        bins[summary["max"]] = bins.get(summary["max"], 0) + summary["overflows"]
-    if not bins:
+    counts = {int(lateness): int(count) for lateness, count in thread["histogram"].items()}
+    total, largest = int(thread["cycles"]), int(thread["max"])
+    if not total:
         raise RigError("cyclictest counted no wake-up")
-    lateness = np.array(sorted(bins))
-    reached = np.cumsum([bins[value] for value in lateness.tolist()])
-    total = int(reached[-1])
-    over = sum(count for value, count in bins.items() if value >= LATE)
-    found = {"wakeups": float(total), "over_1ms": float(over), "over_1ms_fraction": over / total}
-    for name, fraction in (("p50", 0.50), ("p99", 0.99)):
-        found[f"lateness_{name}_us"] = float(lateness[np.searchsorted(reached, fraction * total)])
-    return {**found, "lateness_max_us": float(summary["max"])}
+    counts[largest] = counts.get(largest, 0) + total - sum(counts.values())
+    lateness, weights = np.array(list(counts)), np.array(list(counts.values()))
+    p50, p99 = np.quantile(lateness, [0.50, 0.99], weights=weights, method="inverted_cdf")
+    over = int(weights[lateness >= LATE].sum())
+    return {
+        "wakeups": float(total), "over_1ms": float(over), "over_1ms_fraction": over / total,
+        "lateness_p50_us": float(p50), "lateness_p99_us": float(p99), "lateness_max_us": float(largest),
+    }  # fmt: skip

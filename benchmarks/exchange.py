@@ -1,4 +1,4 @@
-"""Round trips of a bare pair of processes over one transport: starts the scripts in peers/ and reads what they say."""
+"""Round trips of a bare pair of processes over one transport: runs the scripts in peers/ and reads what they print."""
 
 from __future__ import annotations
 
@@ -17,17 +17,19 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from benchmarks.placement import Placement
-from benchmarks.statistics import quantiles
 from hilrig.core.errors import RigError
+from hilrig.experiment.rig_settings import RigSettings
 from hilrig.rig.processes import CHILD_ENVIRONMENT
 
 SCRIPT = Path(__file__).parent / "peers" / "pair.py"
 SYSTEM_PYTHON = "/usr/bin/python3"
 START = 20.0
-"""s that the two processes of a pair are given to meet"""
+"""s that the two processes of a pair have to find each other"""
 LOOK = 0.2
-"""s between two looks whether both sides are still there"""
+"""s between two checks that both sides are still alive"""
 NANOSECONDS = 1e9
 
 
@@ -47,18 +49,19 @@ class Transport:
     """File in peers/, without its ending"""
     title: str
     module: str = ""
-    """What its script imports and hilrig does not bring along; "" for none"""
+    """What its script imports and hilrig does not depend on; "" for none"""
     install: str = ""
     """How to install that"""
     fifo: bool = True
-    """Whether it comes to its end with both processes under SCHED_FIFO on one core"""
+    """Whether the pair finishes with both processes under SCHED_FIFO on one core"""
 
 
+GROUP = "run: uv run --group bench python -m benchmarks"
 TRANSPORTS = (
     Transport("zenoh", "zenoh_pair", "zenoh, bare"),
     Transport("unix_datagram", "unix_datagram", "unix datagram sockets"),
-    Transport("pyzmq", "pyzmq_pair", "pyzmq, PAIR over ipc", "zmq", "pip install 'hilrig[bench]'"),
-    Transport("lcm", "lcm_pair", "LCM, UDP multicast", "lcm", "pip install 'hilrig[bench]'"),
+    Transport("pyzmq", "pyzmq_pair", "pyzmq, PAIR over ipc", "zmq", GROUP),
+    Transport("lcm", "lcm_pair", "LCM, UDP multicast", "lcm", GROUP),
     Transport(
         "rospy", "rospy_pair", "rospy, TCP (never SCHED_FIFO)", "rospy, rosmaster, std_msgs.msg",
         "apt install python3-rospy python3-rosmaster python3-std-msgs", fifo=False,
@@ -68,7 +71,7 @@ TRANSPORTS = (
 
 @cache
 def python_for(transport: Transport) -> str | None:
-    """Return the Python that has what the transport needs: this one, else the system's; None if neither has it."""
+    """Return a Python that has what the transport needs: this one, or else the system's; None if neither has it."""
     if not transport.module:
         return sys.executable
     for python in (sys.executable, SYSTEM_PYTHON):
@@ -82,9 +85,9 @@ def python_for(transport: Transport) -> str | None:
 
 
 def round_trips(transport: Transport, sizes: Sizes, place: Placement, count: int, period: float) -> dict[str, float]:
-    """Return rate_hz and the quantiles of `count` round trips, one each `period` (s); 0 is back to back.
+    """Return rate_hz and round_trip_{p50,p99,max}_us of `count` round trips, one each `period` (s); 0: back to back.
 
-    A request has the size of a State, a reply that of a Command. Raises RigError if the pair does not do it.
+    A request has the size of a State, a reply that of a Command. Raises RigError if the pair fails.
     """
     python = python_for(transport)
     if python is None:
@@ -94,20 +97,25 @@ def round_trips(transport: Transport, sizes: Sizes, place: Placement, count: int
     orders = {
         **place._asdict(), "request": sizes.state, "reply": sizes.command, "count": count,
         "warm_up": max(count // 10, 1), "period": round(period * NANOSECONDS),
+        "spin": round(RigSettings().spin * NANOSECONDS),
     }  # fmt: skip
     patience = START + 3 * count * max(period, 1e-3)
     folder = tempfile.mkdtemp(prefix="bench-")
     try:
         with _surroundings(transport, python) as more:
-            said = _run_pair([python, str(SCRIPT), transport.script], {**orders, "folder": folder}, more, patience)
+            printed = _run_pair([python, str(SCRIPT), transport.script], {**orders, "folder": folder}, more, patience)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-    result = json.loads(said)
-    return {"rate_hz": count / result["elapsed"] * NANOSECONDS, **quantiles(result["round_trips"], "round_trip")}
+    result = json.loads(printed)
+    p50, p99, largest = np.percentile(result["round_trips"], [50, 99, 100]) / 1e3
+    return {
+        "rate_hz": count / result["elapsed"] * NANOSECONDS,
+        "round_trip_p50_us": float(p50), "round_trip_p99_us": float(p99), "round_trip_max_us": float(largest),
+    }  # fmt: skip
 
 
 def _run_pair(command: list[str], orders: Mapping[str, Any], more: Mapping[str, str], patience: float) -> str:
-    """Run both sides to their end; return what the pinging one printed."""
+    """Run both sides until they end; return what the pinging side printed."""
     environment = {**os.environ, **CHILD_ENVIRONMENT, **more}
     sides: dict[str, subprocess.Popen[str]] = {}
     try:
@@ -116,10 +124,10 @@ def _run_pair(command: list[str], orders: Mapping[str, Any], more: Mapping[str, 
                 [*command, json.dumps({**orders, "side": side})], stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
             )  # fmt: skip
-        said, complaint = _outputs(sides["ping"], sides["echo"], patience)
+        printed, errors = _outputs(sides["ping"], sides["echo"], patience)
         if sides["ping"].returncode != 0:
-            raise RigError(f"exit code {sides['ping'].returncode}{_last_line(complaint)}")
-        return said
+            raise RigError(f"exit code {sides['ping'].returncode}{_last_line(errors)}")
+        return printed
     finally:
         _kill(sides.values())
         for process in sides.values():
@@ -127,7 +135,7 @@ def _run_pair(command: list[str], orders: Mapping[str, Any], more: Mapping[str, 
 
 
 def _outputs(ping: subprocess.Popen[str], echo: subprocess.Popen[str], patience: float) -> tuple[str, str]:
-    """Return what the pinging side printed and complained of, at its end. Raises RigError if it will not come to it."""
+    """Return stdout and stderr of the pinging side once it has ended. Raises RigError if it does not end."""
     deadline = time.monotonic() + patience
     while True:
         try:
@@ -136,13 +144,13 @@ def _outputs(ping: subprocess.Popen[str], echo: subprocess.Popen[str], patience:
             if not echo.poll() and time.monotonic() < deadline:
                 continue
         ended = f"the echoing side ended with exit code {echo.returncode}"
-        how = ended if echo.poll() else f"no end after {patience:.0f} s"
+        how = ended if echo.poll() else f"not finished after {patience:.0f} s"
         _kill((ping, echo))
         raise RigError(how + _last_line(echo.communicate()[1]))
 
 
 def _kill(processes: Iterable[subprocess.Popen[str]]) -> None:
-    """Kill all of them before any is waited for: one may hold the core that another needs to die on."""
+    """Kill all of them before waiting for any: one may occupy the core that another needs in order to die."""
     for process in processes:
         process.kill()
 
@@ -154,7 +162,7 @@ def _last_line(text: str) -> str:
 
 @contextmanager
 def _surroundings(transport: Transport, python: str) -> Iterator[dict[str, str]]:
-    """Provide what the transport needs beside the pair, as environment: a master of its own for rospy."""
+    """Provide what the transport needs besides the pair, as environment variables: for rospy, a master of its own."""
     if transport.name != "rospy":
         yield {}
         return

@@ -1,4 +1,4 @@
-"""Comparisons: each between neighbours in time, repeat by repeat, with the limit that hilrig sets itself."""
+"""Comparisons of what ran close together in time, repeat by repeat, with the limits that hilrig sets itself."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.measurands import Sample
-from benchmarks.statistics import Spread, spread
+from benchmarks.spread import Spread, spread
 
 Round = Mapping[str, Sample]
-"""measurand -> its sample, of one repeat"""
+"""measurand -> its sample in one repeat"""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """One number made of the samples of one repeat."""
+    """One number, computed from the samples of one repeat."""
 
     name: str
     what: str
     unit: str
     value: Callable[[Round], float]
-    """Raises KeyError if the repeat lacks what it needs"""
+    """Raises KeyError if the repeat lacks a sample that it needs"""
     low: float | None = None
     """The median must not be less"""
     high: float | None = None
@@ -29,7 +29,7 @@ class Comparison:
 
 
 def ratio(upper: tuple[str, str], lower: tuple[str, str]) -> Callable[[Round], float]:
-    """Return upper / lower, each a (measurand, quantity). A zero below has no ratio: KeyError."""
+    """Return upper / lower, each a (measurand, quantity). A ratio to zero raises KeyError."""
 
     def value(samples: Round) -> float:
         above, below = samples[upper[0]][upper[1]], samples[lower[0]][lower[1]]
@@ -41,7 +41,7 @@ def ratio(upper: tuple[str, str], lower: tuple[str, str]) -> Callable[[Round], f
 
 
 def _excess(kind: str) -> Callable[[Round], float]:
-    """Return the late fraction beyond twice cyclictest's share of wake-ups over 1 ms late."""
+    """Return the fraction of late ticks beyond twice cyclictest's fraction of wake-ups over 1 ms late."""
     loop, cyclictest = f"realtime{kind}", f"cyclictest{kind}"
     return lambda r: r[loop]["late_fraction"] - 2.0 * r[cyclictest]["over_1ms_fraction"]
 
@@ -109,9 +109,9 @@ COMPARISONS = (
 
 
 def compare(rounds: Sequence[Round]) -> dict[str, dict[str, Any]]:
-    """Return every comparison that some repeat has: name -> what, unit, limits, spread over the repeats, met.
+    """Return each comparison that at least one repeat allows: name -> what, unit, limits, spread over the repeats, met.
 
-    `met` judges the median; None if there is no limit.
+    `met` judges the median; it is None if there is no limit.
     """
     found = {}
     for comparison in COMPARISONS:
@@ -133,7 +133,7 @@ def _value(comparison: Comparison, samples: Round) -> float | None:
 
 
 def met(comparison: Comparison, over: Spread) -> bool | None:
-    """Return whether the median keeps the comparison's limits; None if it has none."""
+    """Return whether the median is within the comparison's limits; None if it has none."""
     if comparison.low is None and comparison.high is None:
         return None
     enough = comparison.low is None or over.median >= comparison.low

@@ -1,4 +1,4 @@
-"""What the benchmark measures, in the order of a round: what is compared stands side by side."""
+"""What the benchmark measures, in the order of a round: what is compared is measured close together in time."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from benchmarks.alternation import ALTERNATING, certificate_cost
+from benchmarks.alternation import RIG, certificate_cost
 from benchmarks.cyclictest import INSTALL, installed, run_cyclictest
 from benchmarks.exchange import TRANSPORTS, Sizes, Transport, python_for, round_trips
 from benchmarks.load import full_load
 from benchmarks.placement import placement
-from benchmarks.trials import TrialCall, has_watch, run_trial
+from benchmarks.trials import TrialCall, run_trial
 
 Sample = Mapping[str, float]
-"""quantity -> value, of one measurand in one repeat"""
+"""quantity -> value for one measurand in one repeat"""
 PERIOD = 1e-3
 """s"""
 GROUPS = ("bus", "lockstep", "realtime", "load", "unprivileged", "watch", "certificate")
@@ -24,7 +24,7 @@ PUNCTUAL = (
     *(f"{who}{how}" for how in ("", ".loaded", ".unprivileged") for who in ("realtime", "cyclictest")),
     "realtime.watched",
 )
-# Also what lets a process raise its own limits and so win the permission back.
+# The last one would let a process raise its own limits, and so get the permission back.
 CAPABILITIES = "-sys_nice,-ipc_lock,-sys_resource"
 UNPRIVILEGED = ("setpriv", f"--bounding-set={CAPABILITIES}", f"--inh-caps={CAPABILITIES}")
 
@@ -37,9 +37,9 @@ class Settings:
     lockstep: float = 20.0
     """s of trial time of a lockstep trial"""
     in_process: float = 200.0
-    """s of trial time of an in-process trial, and of one with time stamps in every other second"""
+    """s of trial time of an in-process trial, and of the trial that is stamped in every other block"""
     realtime: float = 12.0
-    """s of a real-time trial and of cyclictest beside it"""
+    """s of a real-time trial, and of cyclictest next to it"""
     short: float = 8.0
     """s of the same under load, unprivileged and watched"""
     exchanges: int = 10_000
@@ -53,7 +53,7 @@ QUICK = Settings(1, 4.0, 40.0, 4.0, 2.0, 2_000, 500)
 
 @dataclass(frozen=True)
 class Measurand:
-    """One thing that is measured once a repeat."""
+    """Something that is measured once per repeat."""
 
     name: str
     groups: tuple[str, ...]
@@ -64,7 +64,7 @@ class Measurand:
 
 
 def measurands(settings: Settings, sizes: Sizes, fifo: bool, only: Sequence[str] = ()) -> list[Measurand]:
-    """Return those of the groups or names in `only`, or all, in the order in which a round measures them."""
+    """Return the measurands whose name or group is in `only`, or all of them, in the order of a round."""
     pairs = [_pair(transport, paced, settings, sizes, fifo) for paced in (False, True) for transport in TRANSPORTS]
     first, bare_paced = pairs[0], pairs[len(TRANSPORTS)]
     others = [pair for pair in pairs if pair not in (first, bare_paced)]
@@ -92,10 +92,6 @@ def _no_python(transport: Transport) -> str:
     return "" if python_for(transport) else f"not installed; {transport.install}"
 
 
-def _no_watch() -> str:
-    return "" if has_watch() else "this hilrig has no `hilrig watch`"
-
-
 def _no_cyclictest() -> str:
     return "" if installed() else f"not installed; {INSTALL}"
 
@@ -120,12 +116,12 @@ def _lockstep(settings: Settings) -> list[Measurand]:
             TrialCall(settings.lockstep, (*clock, "--set", "actuation_delay=0")),
         ),
         Measurand(
-            "lockstep.alternating", ("certificate",), "hilrig run in lockstep, time stamps in every other second",
-            partial(certificate_cost, TrialCall(settings.in_process, (*clock, *ALTERNATING))),
+            "lockstep.alternating", ("certificate",), "hilrig run in lockstep, stamps in every other block",
+            partial(certificate_cost, TrialCall(settings.in_process, clock, program=RIG)),
         ),
         _trial(
             "lockstep.watched", ("watch",), "hilrig run in lockstep, hilrig watch attached",
-            TrialCall(settings.lockstep, clock, watched=True), _no_watch,
+            TrialCall(settings.lockstep, clock, watched=True),
         ),
         _trial(
             "in_process", ("lockstep",), "hilrig run --in-process",
@@ -148,7 +144,7 @@ def _realtime(settings: Settings, fifo: bool) -> list[Measurand]:
         ),
         _trial(
             "realtime.watched", ("watch",), "hilrig run in real time, hilrig watch attached",
-            TrialCall(short, clock, watched=True), _no_watch,
+            TrialCall(short, clock, watched=True),
         ),
         Measurand("realtime.loaded", ("load",), "hilrig run in real time, full load", loaded),
         Measurand(

@@ -1,4 +1,4 @@
-"""The page about performance: its words and the benchmark's tables, as Markdown."""
+"""The page on performance: its text and the benchmark's tables, as Markdown."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from benchmarks.tables import Document, Table, machine_lines, tables
 
 
 def page(found: Document) -> str:
-    """Return the page made of the document of a run."""
+    """Return the page made from the document of a run."""
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, keep_trailing_newline=True)  # not HTML
     environment.filters["grid"] = grid
     text = resources.files("benchmarks").joinpath("performance.md.j2").read_text(encoding="utf-8")
@@ -20,7 +20,7 @@ def page(found: Document) -> str:
 
 
 def grid(table: Table) -> str:
-    """Return a table in Markdown: words to the left, figures to the right."""
+    """Return a table in Markdown: words are left-aligned, figures right-aligned."""
     marks = ["---", *("---" if heading == "why" else "---:" for heading in table.columns[1:])]
     lines = [table.columns, marks, *table.rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)

@@ -1,8 +1,7 @@
-"""Cores and priorities of what hilrig is compared with: those that the rig gives to driver and controller."""
+"""Core and priority of what hilrig is compared with: those that the rig gives to driver and controller."""
 
 from __future__ import annotations
 
-import os
 from typing import NamedTuple
 
 from hilrig.experiment.rig_settings import RigSettings
@@ -10,7 +9,7 @@ from hilrig.rig.cores import cores_for
 
 
 class Placement(NamedTuple):
-    """Where the two processes of a pair run, and when they come first."""
+    """Which core the two processes of a pair run on, and how they are scheduled."""
 
     core: int
     policy: str
@@ -24,14 +23,3 @@ def placement(realtime: bool, privileged: bool) -> Placement:
     if not realtime:
         return Placement(core, "batch", 0)
     return Placement(core, "fifo", RigSettings().priority) if privileged else Placement(core, "other", 0)
-
-
-def fifo_permitted() -> bool:
-    """Whether this process may use SCHED_FIFO; its own policy is as before afterwards."""
-    before, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
-    except PermissionError:
-        return False
-    os.sched_setscheduler(0, before, parameter)
-    return True

@@ -1,4 +1,4 @@
-"""The interleaved run: round after round through all measurands, so that every ratio is between neighbours in time."""
+"""The interleaved run: round after round through all measurands, so that what is compared is close together in time."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from typing import Any
 from benchmarks.findings import compare, document
 from benchmarks.machine import describe_machine, processor_time, warnings
 from benchmarks.measurands import Measurand, Sample, Settings, measurands
-from benchmarks.statistics import spread
+from benchmarks.spread import spread
 from benchmarks.trials import payload_sizes
 from hilrig.core.errors import RigError
 
 FORM = 1
-"""Version of the document's form"""
+"""Version of the document's layout"""
 
 
 def measure(settings: Settings, only: Sequence[str], listen: Callable[[str], None]) -> dict[str, Any]:
-    """Run the benchmark; return all of it as plain data. `listen` hears what is being measured, a line each."""
+    """Run the benchmark; return all results as plain data. `listen` is told what is measured next, a line each."""
     began, clock = time.monotonic(), datetime.now(UTC).isoformat(timespec="seconds")
     machine, before = describe_machine(), processor_time()
     sizes = payload_sizes()
@@ -42,9 +42,9 @@ def measure(settings: Settings, only: Sequence[str], listen: Callable[[str], Non
 def run_rounds(
     listed: Sequence[Measurand], repeats: int, listen: Callable[[str], None]
 ) -> tuple[list[dict[str, Sample]], dict[str, str]]:
-    """Return the samples of each repeat, measurand -> sample, and why those that have none in some repeat have none.
+    """Return the samples of each repeat, measurand -> sample, and the reason for each measurand that lacks a sample.
 
-    Every other round goes backwards: a machine that grows slower favours nobody.
+    Every other round goes backwards, so that a machine that slows down favours nobody.
     """
     rounds: list[dict[str, Sample]] = []
     notes = {item.name: why for item in listed if (why := item.absent())}

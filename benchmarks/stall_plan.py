@@ -1,4 +1,4 @@
-"""Which faults the stall benchmark injects, and into what experiment."""
+"""Which faults the stall benchmark injects, and into which experiment."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from hilrig.kinds.disturbances._fault_times import spread
 PERIOD = 1e-3
 """s"""
 DISTANCE = 15
-"""Ticks between two faults, at least: what one does is over before the next"""
+"""Least number of ticks between two faults: the effect of one is over before the next"""
 ROOM = 25
 """Ticks of the trial for each fault"""
 MARGIN = 200
-"""Ticks at the beginning and at the end without faults"""
+"""Ticks without faults at the start and at the end"""
 LONGEST = 5e-3
 """s"""
 
@@ -30,21 +30,21 @@ KINDS: dict[str, dict[str, Any]] = {
     "state_loss": {"kind": "bus_loss", "channel": "state"},
     "command_loss": {"kind": "bus_loss", "channel": "command"},
 }
-"""A disturbance for each field of `hilrig.core.signals.Faults`, without when and how long"""
+"""A disturbance for each field of `hilrig.core.signals.Faults`, without its times and durations"""
 
-CULPRITS = {
+CAUSES = {
     kind: fault.get("process", "controller") if "channel" not in fault else "transport" for kind, fault in KINDS.items()
 }
-"""Whom the certificate should attribute each to"""
+"""What the certificate should attribute each kind to"""
 
 
 def duration_of(count: int) -> float:
-    """Return how long a trial with `count` faults is, s."""
+    """Return the duration of a trial with `count` faults, s."""
     return (count * ROOM + 2 * MARGIN) * PERIOD
 
 
 def dealt(count: int, seed: int) -> dict[str, list[int]]:
-    """Return random ticks for `count` faults, kind -> ticks: all `DISTANCE` apart or more, every kind as often."""
+    """Return random ticks for `count` faults, kind -> ticks: at least `DISTANCE` apart, each kind equally often."""
     random = np.random.default_rng(seed)
     ticks = MARGIN + spread(count, count * ROOM, DISTANCE, random)
     kinds = random.permutation(np.arange(count) % len(KINDS))
@@ -52,7 +52,7 @@ def dealt(count: int, seed: int) -> dict[str, list[int]]:
 
 
 def experiment(count: int, seed: int) -> dict[str, Any]:
-    """Return the document of the experiment: one trial without faults and one with `count` of 1 to 5 ms."""
+    """Return the experiment: one trial without faults, and one with `count` faults of 1 to 5 ms."""
     faults = [
         {**KINDS[kind], "at": [round(tick * PERIOD, 6) for tick in ticks], **_how_long(kind)}
         for kind, ticks in dealt(count, seed).items()

@@ -1,4 +1,4 @@
-"""Does the certificate see? Injects stalls over the bus, and compares what it found with what was injected."""
+"""Does the certificate find what is late? Injects stalls over the bus and compares its findings with them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.stall_matching import Found, compare
-from benchmarks.stall_plan import CULPRITS, experiment
+from benchmarks.stall_plan import CAUSES, experiment
+from hilrig.cli.terminal import Display
 from hilrig.core.errors import RigError
 from hilrig.experiment import load
 from hilrig.experiment.plan import plan
@@ -23,23 +24,6 @@ from hilrig.recording.recorder import TIMING
 from hilrig.recording.run_directory import trial_path
 from hilrig.recording.timing import terms_of
 from hilrig.rig.execution import Options, execute
-from hilrig.rig.outcome import Outcome
-
-
-class _Quiet:
-    """Listens to trials and says nothing."""
-
-    def opened(self, run: Path) -> None:
-        """Nothing to say."""
-
-    def started(self, trial: Trial) -> None:
-        """Nothing to say."""
-
-    def progressed(self, trial: Trial, tick: int) -> None:
-        """Nothing to say."""
-
-    def ended(self, trial: Trial, outcome: Outcome) -> None:
-        """Nothing to say."""
 
 
 def late_ticks(bag: Path, trial: Trial) -> list[Found]:
@@ -52,23 +36,22 @@ def late_ticks(bag: Path, trial: Trial) -> list[Found]:
 
 
 def measure_stalls(count: int, out: Path, seed: int = 1) -> dict[str, Any]:
-    """Inject `count` faults of 1 to 5 ms into driver, controller and bus, and return how they were judged.
+    """Inject `count` faults of 1 to 5 ms into driver, controller and bus; return how the certificate judged them.
 
     Two trials of `count` * 25 ms run over the bus in real time: one undisturbed, whose stalls are the machine's own,
-    then one with the faults. The run directory is made below `out`. Keys: those of
-    `stall_matching.compare`, planned, run, own_stalls (of the undisturbed trial) and ticks (of each trial).
-    Raises RigError if a trial did not complete.
+    then one with the faults. The run directory is created in `out`. Keys: those of `stall_matching.compare`, planned,
+    run, own_stalls (of the undisturbed trial) and ticks (of each trial). Raises RigError if a trial did not complete.
     """
     out.mkdir(parents=True, exist_ok=True)
     file = out / "stall_benchmark.yaml"
     file.write_text(json.dumps(experiment(count, seed), indent=1), encoding="utf-8")  # JSON is YAML
     loaded = load(file)
     trials = plan(loaded)
-    run, outcomes = execute(loaded, trials, file, Options(out, ["hilrig", "bench", "stalls"]), _Quiet())
+    command = ["python", "-m", "benchmarks", "stalls", f"--count={count}", f"--seed={seed}"]
+    with Display(len(trials)) as display:
+        run, outcomes = execute(loaded, trials, file, Options(out, command), display)
     if failed := [outcome for outcome in outcomes if not outcome.completed]:
-        raise RigError(
-            f"trial {failed[0].trial} of the stall benchmark {failed[0].outcome}: {failed[0].reason} ({run})"
-        )
+        raise RigError(f"trial {failed[0].trial} ended {failed[0].outcome}: {failed[0].reason}")
     quiet, faulty = trials
     own = late_ticks(trial_path(run, quiet.id) / "bag.mcap", quiet)
     found = late_ticks(trial_path(run, faulty.id) / "bag.mcap", faulty)
@@ -79,20 +62,20 @@ def measure_stalls(count: int, out: Path, seed: int = 1) -> dict[str, Any]:
 
 
 def render(result: dict[str, Any]) -> str:
-    """Return the result of `measure_stalls` as text: the figures, then the confusion table."""
-    columns = [*dict.fromkeys([*CULPRITS.values(), "unknown", "missed"])]
+    """Return the result of `measure_stalls` as text: the figures, then the confusion matrix."""
+    columns = [*dict.fromkeys([*CAUSES.values(), "unknown", "missed"])]
     rows = [
-        f"{kind:<17}{CULPRITS[kind]:>12} |" + "".join(f"{row.get(name, 0):>12}" for name in columns)
+        f"{kind:<17}{CAUSES[kind]:>12} |" + "".join(f"{row.get(name, 0):>12}" for name in columns)
         for kind, row in result["confusion"].items()
     ]
     injected, ticks = result["injected"], result["ticks"]
-    fewer = "" if injected == result["planned"] else "; the others found no message: the machine had lost it"
+    fewer = "" if injected == result["planned"] else "; the rest had no message to act on: it was lost already"
     return "\n".join([
         f"{injected} of {result['planned']} planned faults injected into {ticks} ticks of 1 ms{fewer}",
         f"detected            {_share(result['detected'], injected)}",
         f"attributed rightly  {_share(result['rightly_attributed'], injected)}",
-        f"stalls found that nobody injected: {len(result['unexplained'])}; "
-        f"in as many ticks without any fault, just before: {len(result['own_stalls'])}",
+        f"stalls found that were not injected: {len(result['unexplained'])}; "
+        f"in as many ticks without faults, just before: {len(result['own_stalls'])}",
         "",
         f"{'fault':<17}{'cause':>12} |" + "".join(f"{name:>12}" for name in columns) + "   (attributed to)",
         *rows,

@@ -1,4 +1,4 @@
-"""The benchmark's tables, as text: for the terminal and for a page."""
+"""The benchmark's tables, as text: for the terminal and for the page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Document = Mapping[str, Any]
 
 
 class Table(NamedTuple):
-    """A table as text; the first column is words, the others are figures."""
+    """A table as text; the first column holds words, the others figures."""
 
     title: str
     columns: tuple[str, ...]
@@ -28,12 +28,12 @@ def tables(found: Document) -> list[Table]:
 
 
 def figure(value: float) -> str:
-    """Return a number with three significant digits, whole from a thousand on."""
+    """Return a number with three significant digits; without decimals from a thousand on."""
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
 def spread_text(over: Document | None) -> str:
-    """Return the median, and the lowest and the highest if there are several; a dash if there is nothing."""
+    """Return the median, with the lowest and the highest if there are several values; a dash if there are none."""
     if over is None:
         return "-"
     middle = figure(over["median"])
@@ -110,7 +110,7 @@ def _lateness(found: Document) -> Table:
 
 
 def _share(found: Document, name: str, quantity: str) -> str:
-    """Return how many of all, over all repeats."""
+    """Return how many ticks or wake-ups were late, of how many in all repeats."""
     count = _quantity(found, name, quantity)
     whole = _quantity(found, name, "wakeups" if quantity == "over_1ms" else "ticks")
     if count is None or whole is None:
@@ -129,12 +129,12 @@ def _quantity(found: Document, name: str, quantity: str) -> Document | None:
 
 
 def machine_lines(machine: Document) -> Sequence[str]:
-    """Return the description of the machine, a line for each of its sides."""
+    """Return the description of the machine: a line each on hardware, system and software."""
     permitted = "permitted" if machine["sched_fifo"] else "not permitted"
     return (
         f"{machine['cpu']}, {machine['cores']} cores, {machine['memory_gib']:g} GiB; "
         f"virtual machine: {machine['virtual_machine']}",
-        f"Linux {machine['kernel']} ({machine['preemption']}); SCHED_FIFO {permitted}; "
+        f"Linux {machine['kernel']} (preemption: {machine['preemption']}); SCHED_FIFO {permitted}; "
         f"load average at the start {machine['load_average']:.2f}",
         f"hilrig {machine['hilrig']} ({(machine['commit'] or 'unknown commit')[:10]}), Python {machine['python']}, "
         f"zenoh {machine['zenoh']}, numba {machine['numba']}",

@@ -1,1 +1,1 @@
-"""What hilrig's bus is compared with: scripts that run in processes of their own and are never imported by hilrig."""
+"""What hilrig's bus is compared with: scripts that run in processes of their own and are never imported."""

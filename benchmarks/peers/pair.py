@@ -5,7 +5,8 @@ a file beside this one with open_link(side, folder) -> (send, receive, close): s
 the next message. The side "ping" prints the round trips on stdout as JSON.
 
 Arguments (JSON): side ("ping" or "echo"), folder (for sockets), core, policy ("batch", "fifo", "other"), priority,
-request and reply (bytes), count, warm_up (exchanges that are not counted), period (ns; 0: back to back).
+request and reply (bytes), count, warm_up (exchanges that are not counted), period (ns; 0: back to back), spin (ns
+before a paced exchange that are spent awake, as the rig's clock does).
 """
 
 import ctypes
@@ -20,10 +21,8 @@ import time
 from pathlib import Path
 
 NUMBER = 8
-"""Bytes at the beginning of a message that hold its number"""
+"""Bytes at the start of a message that hold its number"""
 END, HELLO, READY, FIRST = 1, 2, 3, 4
-SPIN = 100_000
-"""ns before a paced exchange that are spent awake, as the rig's clock does"""
 PR_SET_PDEATHSIG = 1
 POLICIES = {"batch": os.SCHED_BATCH, "fifo": os.SCHED_FIFO, "other": os.SCHED_OTHER}
 
@@ -66,8 +65,8 @@ def number_of(received):
 
 
 def schedule(arguments):
-    """Give all threads of this process the policy. Not before the sides have met: what waits busily at its start
-    would hold up the other side for good, on the same core at the same priority."""
+    """Give all threads of this process the policy. Only once the sides have met: a transport that waits busily at its
+    start would block the other side for good, on the same core at the same priority."""
     for thread in os.listdir("/proc/self/task"):
         os.sched_setscheduler(int(thread), POLICIES[arguments["policy"]], os.sched_param(arguments["priority"]))
 
@@ -92,13 +91,13 @@ def ping(send, receive, arguments):
     meet(send, receive, size)
     schedule(arguments)
     requests = [message(FIRST + i, size) for i in range(warm_up + count)]
-    times, began, ended = exchange(send, receive, requests, arguments["period"], warm_up)
+    times, began, ended = exchange(send, receive, requests, arguments["period"], arguments["spin"], warm_up)
     send(message(END, size))
     return {"round_trips": times[warm_up:], "elapsed": ended - began}
 
 
 def meet(send, receive, size):
-    """Call until the other side replies, then take in all replies to those calls."""
+    """Call until the other side replies, then receive all replies to those calls."""
     met = threading.Event()
 
     def call():
@@ -116,14 +115,14 @@ def meet(send, receive, size):
         pass
 
 
-def exchange(send, receive, requests, period, warm_up):
+def exchange(send, receive, requests, period, spin, warm_up):
     """Send each request and wait for its reply; return the round trips and when the counted ones began and ended."""
     times, began, now = [0] * len(requests), 0, time.monotonic_ns
     due = now()
     for i, request in enumerate(requests):
         if period:
             due += period
-            wait_until(due)
+            wait_until(due, spin)
         sent = now()
         if i == warm_up:
             began = sent
@@ -131,13 +130,13 @@ def exchange(send, receive, requests, period, warm_up):
         reply = receive()
         times[i] = now() - sent
         if reply[:NUMBER] != request[:NUMBER]:
-            raise SystemExit(f"request {number_of(request)} was answered with reply {number_of(reply)}")
+            raise SystemExit(f"request {number_of(request)} was answered by reply {number_of(reply)}")
     return times, began, now()
 
 
-def wait_until(due):
-    """Wait until `due`, CLOCK_MONOTONIC in ns, awake for the last part."""
-    left = due - SPIN - time.monotonic_ns()
+def wait_until(due, spin):
+    """Wait until `due`, CLOCK_MONOTONIC in ns, awake for the last `spin` ns."""
+    left = due - spin - time.monotonic_ns()
     if left > 0:
         time.sleep(left / 1e9)
     while time.monotonic_ns() < due:

@@ -4,7 +4,7 @@ import zmq  # pyright: ignore[reportMissingImports]
 
 
 def open_link(side, folder):
-    """Open one side; the echoing one binds."""
+    """Open one side; the echoing side binds."""
     context = zmq.Context()
     link = context.socket(zmq.PAIR)
     address = f"ipc://{folder}/pair.sock"

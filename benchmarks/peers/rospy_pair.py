@@ -7,7 +7,7 @@ from std_msgs.msg import UInt8MultiArray  # pyright: ignore[reportMissingImports
 
 
 def open_link(side, folder):
-    """Open one side: a node with a publisher and a subscriber, whose callback hands over to the receiver."""
+    """Open one side: a node with a publisher and a subscriber whose callback passes messages to the receiver."""
     rospy.init_node(f"pair_{side}", anonymous=True, disable_signals=True)
     incoming, outgoing = ("request", "reply") if side == "echo" else ("reply", "request")
     received = queue.SimpleQueue()

@@ -1,4 +1,4 @@
-"""Unix datagram sockets: what the kernel alone takes to hand a message to another process and back."""
+"""Unix datagram sockets: the time that the kernel alone needs to pass a message to another process and back."""
 
 import socket
 import time
@@ -7,7 +7,7 @@ LARGEST = 65536
 
 
 def open_link(side, folder):
-    """Open one side: a named datagram socket, connected to the other's once that is there."""
+    """Open one side: a named datagram socket, connected to the other side's as soon as that exists."""
     other = "ping" if side == "echo" else "echo"
     link = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     link.bind(f"{folder}/{side}.sock")

@@ -1,4 +1,4 @@
-"""Bare zenoh, as the rig configures it: the same links, session, publishers and inboxes, through no code of hilrig."""
+"""Bare zenoh with the rig's configuration: same link, session, publisher and queue, without hilrig's code on top."""
 
 import zenoh
 
@@ -6,7 +6,7 @@ from hilrig.rig.bus import DEPTH, configuration
 
 
 def open_link(side, folder):
-    """Open one side; the echoing one listens, as the driver does, and the other connects."""
+    """Open one side; the echoing side listens, as the driver does, and the other connects."""
     endpoint = [f"unixsock-stream/{folder}/pair.sock"]
     listen, connect = (endpoint, []) if side == "echo" else ([], endpoint)
     session = zenoh.open(configuration(listen, connect))

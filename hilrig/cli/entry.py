@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import sys
 import traceback
+from collections.abc import Callable
 
 import typer
 
 # The verbs register themselves, in the order in which the help lists them.
-from hilrig.cli import running, watching, reproducing, runs, kinds, doctoring, benching  # isort: skip  # noqa: F401
+from hilrig.cli import running, watching, reproducing, runs, kinds, doctoring  # isort: skip  # noqa: F401
 from hilrig.cli.application import app
 from hilrig.core.errors import HilrigError, RigError
 
 
-def main() -> None:
-    """Run the program: one readable message per error, and the exit codes of the design."""
+def main(program: Callable[[], object] = app) -> None:
+    """Run a program: one readable message per error. Exit code 1: the rig or the system failed; 2: a wrong call."""
     try:
-        app()
+        program()
     except HilrigError as error:
         if "--debug" in sys.argv:
             traceback.print_exc()

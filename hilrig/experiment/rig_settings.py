@@ -7,9 +7,6 @@ from typing import Annotated, Literal
 
 from hilrig.core.parameters import Parameter
 
-BLOCK = 1024
-"""Ticks with stamps before as many without; a power of two"""
-
 
 @dataclass(frozen=True)
 class RigSettings:
@@ -40,12 +37,4 @@ class RigSettings:
     certificate: Annotated[
         bool, Parameter("", "whether every tick is stamped; without, nothing is known of the trial's timing")
     ] = True
-    certificate_alternates: Annotated[
-        bool, Parameter("", f"whether only every other {BLOCK} ticks are stamped, to measure what stamps cost")
-    ] = False
     low_latency_link: Annotated[bool, Parameter("", "whether the bus uses zenoh's low-latency link")] = True
-
-    @property
-    def unstamped(self) -> int:
-        """A bit of the tick's number: a tick that has it set is not stamped."""
-        return BLOCK if self.certificate_alternates else 0

@@ -1,4 +1,4 @@
-"""The stall benchmark: which faults it deals, and how it counts what was found."""
+"""The stall benchmark: which faults it injects, and how it counts what was found."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.stall_matching import compare
-from benchmarks.stall_plan import CULPRITS, DISTANCE, MARGIN, ROOM, dealt, experiment
+from benchmarks.stall_plan import CAUSES, DISTANCE, MARGIN, ROOM, dealt, experiment
 from benchmarks.stalls import render
 from hilrig.core.signals import Faults
 from hilrig.experiment import load
@@ -33,11 +33,11 @@ def test_faults_are_dealt_apart_and_every_kind_as_often(count: int) -> None:
     assert max(sizes) - min(sizes) <= 1
 
 
-def test_there_is_a_kind_and_a_culprit_for_every_field_of_the_faults() -> None:
-    assert set(CULPRITS) == set(Faults._fields)
-    assert {CULPRITS[kind] for kind in ("driver_stall", "driver_stop")} == {"driver"}
-    assert {CULPRITS[kind] for kind in ("controller_stall", "controller_stop", "controller_busy")} == {"controller"}
-    assert {kind for kind, cause in CULPRITS.items() if cause == "transport"} == {
+def test_there_is_a_kind_and_a_cause_for_every_field_of_the_faults() -> None:
+    assert set(CAUSES) == set(Faults._fields)
+    assert {CAUSES[kind] for kind in ("driver_stall", "driver_stop")} == {"driver"}
+    assert {CAUSES[kind] for kind in ("controller_stall", "controller_stop", "controller_busy")} == {"controller"}
+    assert {kind for kind, cause in CAUSES.items() if cause == "transport"} == {
         "state_delay", "command_delay", "state_loss", "command_loss",
     }  # fmt: skip
 
@@ -82,6 +82,6 @@ def test_the_result_is_told_in_figures_and_a_table() -> None:
     text = render({"planned": 3, **judged, "own_stalls": [], "ticks": 500})
     assert "2 of 3 planned faults injected into 500 ticks" in text
     assert "detected            1 of 2 (50.0 %)" in text
-    assert "nobody injected: 1; in as many ticks without any fault, just before: 0" in text
+    assert "were not injected: 1; in as many ticks without faults, just before: 0" in text
     (row,) = [line for line in text.splitlines() if line.startswith("state_loss")]
     assert row.split() == ["state_loss", "transport", "|", "0", "0", "0", "0", "1"]

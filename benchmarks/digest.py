@@ -1,0 +1,36 @@
+"""A digest of what a run recorded, so that the bits of two versions of hilrig can be compared.
+
+Bags are read with mcap alone: a fault in hilrig's own reading cannot hide a difference.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+
+from mcap.reader import make_reader
+
+TOPICS = ("/command", "/internals", "/state", "/truth")
+"""Without the timing channels: time stamps differ from run to run"""
+LENGTH = 16
+"""Hex digits of a digest"""
+
+
+def digests(run: Path) -> dict[str, dict[str, str]]:
+    """Return trial -> topic -> digest for each bag of a run directory. Topics without messages are left out."""
+    return {bag.parent.name: digest_of(bag) for bag in sorted(run.glob("trials/*/bag.mcap"))}
+
+
+def digest_of(bag: Path) -> dict[str, str]:
+    """Return topic -> SHA-256 of the bytes of its messages in the order of the file, the first `LENGTH` hex digits."""
+    found: dict[str, hashlib._Hash] = {}
+    with bag.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages(topics=TOPICS, log_time_order=False):
+            found.setdefault(channel.topic, hashlib.sha256()).update(message.data)
+    return {topic: found[topic].hexdigest()[:LENGTH] for topic in sorted(found)}
+
+
+def line(trial: str, topics: Mapping[str, str]) -> str:
+    """Return one trial's digests as a line: TRIAL /command=... /internals=... /state=... /truth=..."""
+    return " ".join([trial, *(f"{topic}={digest}" for topic, digest in topics.items())])
