@@ -121,7 +121,10 @@ class ReferenceSignal(Protocol):
     """Group `references`: one scalar desired quantity (a position in m or a force in N).
 
     A kind that takes its data from a file names the field with the path in a class variable `reads`, and offers
-    `filled(text)`, which returns the kind with the data of the file's text.
+    `filled(text)`, which returns the kind with the data of the file's text; it raises ValueError if they are unusable.
+
+    A kind may offer `warnings(span)`, which returns a list of sentences: what in this phase is probably not meant.
+    `hilrig check` prints them.
     """
 
     def sample(self, time: Array, span: Span) -> Samples:

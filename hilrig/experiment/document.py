@@ -13,6 +13,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from hilrig.core.errors import ExperimentError, Place, Problem, nearest
+from hilrig.core.text import NotUtf8Error, decoded
 
 MAX_BYTES = 1 << 20
 MAX_NODES = 100_000
@@ -64,12 +65,9 @@ def read(path: Path) -> Document:
     if len(content) > MAX_BYTES:
         raise ExperimentError([Problem(start, f"is larger than {MAX_BYTES >> 20} MiB; this is no experiment")])
     try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        before = content[: error.start]
-        line, column = before.count(b"\n") + 1, error.start - before.rfind(b"\n")
-        message = f"is not UTF-8 text: byte 0x{content[error.start]:02x}"
-        raise ExperimentError([Problem(Place(str(path), line, column), message)]) from error
+        text = decoded(content)
+    except NotUtf8Error as error:
+        raise ExperimentError([Problem(Place(str(path), error.line, error.column), str(error))]) from error
     document = parse(text, str(path))
     if not isinstance(document.data, dict):
         found = "a list" if isinstance(document.data, list) else "empty" if document.data is None else "a single value"

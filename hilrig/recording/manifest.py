@@ -1,44 +1,25 @@
-"""Where a run comes from: commit, versions, machine, command."""
+"""Where a run comes from: commit, versions, machine."""
 
 from __future__ import annotations
 
 import os
 import platform
-import subprocess
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from hilrig import __version__
+from hilrig.recording.repository import repository
 
 PACKAGES = ("eclipse-zenoh", "numba", "numpy", "pybullet", "scipy", "mcap", "pandas", "matplotlib")
-LARGEST_DIFF = 200_000
 
 
 def provenance(experiment: Path) -> dict[str, Any]:
     """Return what the manifest says of code and machine; what is not known is None.
 
-    The commit is that of the experiment's repository.
+    The commit is that of the repository that the experiment's file is in.
     """
-    return {"hilrig": __version__, **_repository(experiment.parent), **_software(), "host": _host()}
-
-
-def _repository(folder: Path) -> dict[str, Any]:
-    commit = _git(folder, "rev-parse", "HEAD")
-    if commit is None:
-        return {"commit": None, "dirty": None, "diff": None}
-    diff, status = _git(folder, "diff", "HEAD"), _git(folder, "status", "--porcelain")
-    if diff is not None and len(diff) > LARGEST_DIFF:
-        diff = diff[:LARGEST_DIFF] + "\n[the rest of the diff is left out]\n"
-    return {"commit": commit.strip(), "dirty": None if status is None else bool(status.strip()), "diff": diff}
-
-
-def _git(folder: Path, *arguments: str) -> str | None:
-    try:
-        done = subprocess.run(["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=10)
-    except (OSError, subprocess.TimeoutExpired):
-        return None
-    return done.stdout if done.returncode == 0 else None
+    return {"hilrig": __version__, **repository(experiment.parent), **_software(), "host": _host()}
 
 
 def _software() -> dict[str, Any]:

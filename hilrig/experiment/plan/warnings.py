@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from hilrig.core.errors import Problem
 from hilrig.experiment.document import Keys
 from hilrig.experiment.plan.margins import Check, Estimator, Flight, Margins
+from hilrig.experiment.plan.reference_warnings import of_references
 from hilrig.kinds.delay_bounds import PAPER_KAPPA, PAPER_NU
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 def warnings(experiment: Experiment, found: Margins) -> list[Problem]:
     """Return a warning for every bound that is not kept, and for what cannot be judged; the experiment runs anyway."""
-    spoken = [*_of_controllers(found.estimators), *_of_flights(found.flights)]
+    spoken = [*of_references(experiment), *_of_controllers(found.estimators), *_of_flights(found.flights)]
     return [Problem(experiment.place(*path), message) for path, message in spoken]
 
 

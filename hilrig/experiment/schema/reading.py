@@ -16,9 +16,10 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, create_model
 from pydantic_core import PydanticCustomError
 
-from hilrig.core.errors import PluginError, nearest
+from hilrig.core.errors import Place, PluginError, nearest
 from hilrig.core.parameters import Parameter
 from hilrig.core.quantities import shown
+from hilrig.core.text import NotUtf8Error, decoded
 from hilrig.experiment.document import Keys
 from hilrig.experiment.schema.fields import bare, meaning, names, settable
 from hilrig.experiment.schema.leaves import (
@@ -88,11 +89,11 @@ def _filled(kind: Any, base: Path) -> Any:
     try:
         if path.stat().st_size > MAX_TABLE_BYTES:
             raise ValueError(f"{path} is larger than {MAX_TABLE_BYTES >> 20} MiB")
-        return kind.filled(path.read_text(encoding="utf-8-sig"))
+        return kind.filled(decoded(path.read_bytes()))
     except OSError as error:
         raise InvalidError([Finding((field,), f"{path} cannot be read: {error.strerror}")]) from error
-    except UnicodeDecodeError as error:
-        raise InvalidError([Finding((field,), f"{path} is not UTF-8 text (byte {error.start})")]) from error
+    except NotUtf8Error as error:
+        raise InvalidError([Finding((field,), f"{Place(str(path), error.line, error.column)}: {error}")]) from error
     except ValueError as error:
         raise InvalidError([Finding((field,), str(error))]) from error
 

@@ -3,65 +3,81 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hilrig.core.interfaces import Samples
+from hilrig.core.interfaces import Samples, Span
 from hilrig.core.signals import Array
 
 Interpolation = Literal["cubic", "linear"]
 
+TOLERANCE = 1e-9
+"""s: how far a point may lie beyond the end of its phase, for rounding"""
 
-def check_points(times: tuple[float, ...], values: tuple[float, ...]) -> None:
-    """Raise ValueError unless there are two points or more and the times rise from 0 or later."""
+
+def check_points(times: Sequence[float], values: Sequence[float], places: Sequence[str] | None = None) -> None:
+    """Raise ValueError unless there are at least two finite points and the times rise from 0 or later.
+
+    `places` says in a message which point is meant, such as "line 3"; by default "point 3".
+    """
     if len(times) != len(values):
         raise ValueError(f"{len(times)} times, but {len(values)} values")
     if len(times) < 2:
-        raise ValueError(f"a curve needs two points or more; there is {len(times)}")
+        raise ValueError(f"a curve needs at least two points; this one has {len(times)}")
     if not (np.isfinite(times).all() and np.isfinite(values).all()):
         raise ValueError("times and values must be finite numbers")
+    places = places or [f"point {i}" for i in range(1, len(times) + 1)]
     if times[0] < 0:
-        raise ValueError(f"times count from the start of the phase and cannot be negative ({times[0]:g} s)")
-    for earlier, later in itertools.pairwise(times):
-        if later <= earlier:
-            raise ValueError(f"times must rise; {later:g} s follows {earlier:g} s")
+        raise ValueError(
+            f"{places[0]}: the time {times[0]:.12g} s is before the start of the phase, from which times count"
+        )
+    for place, (before, time) in zip(places[1:], itertools.pairwise(times), strict=True):
+        if time <= before:
+            raise ValueError(f"{place}: the time {time:.12g} s follows {before:.12g} s; times must rise")
 
 
-def curve(times: tuple[float, ...], values: tuple[float, ...], kind: Interpolation, at: Array) -> Samples:
-    """Return the curve through (times, values) at `at` (N,) s; it rests outside the points."""
-    t, y = np.array(times), np.array(values)
+def curve(times: Sequence[float], values: Sequence[float], kind: Interpolation, at: Array, span: Span) -> Samples:
+    """Return the curve through (span.start + times, values) at trial times `at` (N,) s.
+
+    cubic is the spline with continuous acceleration whose rate is zero at its first and last point. Outside the points
+    the curve rests at the nearest one. Raises ValueError if it begins when its phase has ended.
+    """
+    length = span.end - span.start
+    if times[0] >= length:
+        raise ValueError(
+            f"the curve begins {times[0]:.12g} s after the start of its phase, which lasts {length:.6g} s; "
+            "its times must count from the start of the phase, in s"
+        )
+    t, y, since_start = np.array(times), np.array(values), at - span.start
+    inside = (since_start >= t[0]) & (since_start < t[-1])
+    value, rate, acceleration = (_cubic if kind == "cubic" else _linear)(t, y, since_start)
+    rest = np.where(since_start < t[0], y[0], y[-1])
+    return Samples(np.where(inside, value, rest), np.where(inside, rate, 0.0), np.where(inside, acceleration, 0.0))
+
+
+def cut_off(times: Sequence[float], span: Span) -> list[str]:
+    """Return a warning if points lie beyond the end of the phase, in a list; else an empty list."""
+    length = span.end - span.start
+    beyond = sum(time > length + TOLERANCE for time in times)
+    if not beyond:
+        return []
+    return [
+        f"{beyond} of the curve's {len(times)} points are never reached: its last time is {times[-1]:.12g} s, and the "
+        f"phase lasts {length:.6g} s"
+    ]
+
+
+def _cubic(t: Array, y: Array, at: Array) -> tuple[Array, Array, Array]:
+    # Importing it takes longer than a short trial; only processes that sample a spline should pay for it.
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(t, y, bc_type="clamped")
+    return spline(at), spline(at, 1), spline(at, 2)
+
+
+def _linear(t: Array, y: Array, at: Array) -> tuple[Array, Array, Array]:
     slope = np.diff(y) / np.diff(t)
     index = np.clip(np.searchsorted(t, at, side="right") - 1, 0, t.size - 2)
-    inside = (at >= t[0]) & (at < t[-1])
-    rest = np.where(at < t[0], y[0], y[-1])
-    if kind == "linear":
-        value = y[index] + slope[index] * (at - t[index])
-        return Samples(np.where(inside, value, rest), np.where(inside, slope[index], 0.0), np.zeros(at.shape))
-    samples = _hermite(t, y, _clamped_rates(t, slope), index, at)
-    return Samples(*(np.where(inside, part, outside) for part, outside in zip(samples, (rest, 0.0, 0.0), strict=True)))
-
-
-def _hermite(t: Array, y: Array, rates: Array, index: NDArray[np.intp], at: Array) -> Samples:
-    h = t[index + 1] - t[index]
-    s = (at - t[index]) / h
-    y0, slope = y[index], (y[index + 1] - y[index]) / h
-    m0, m1 = rates[index], rates[index + 1]
-    b, c = 3 * slope - 2 * m0 - m1, m0 + m1 - 2 * slope
-    return Samples(y0 + h * s * (m0 + s * (b + s * c)), m0 + s * (2 * b + 3 * s * c), (2 * b + 6 * s * c) / h)
-
-
-def _clamped_rates(t: Array, slope: Array) -> Array:
-    """Return the rates at the points of the cubic spline at rest at both ends, by elimination, O(K)."""
-    h = np.diff(t)
-    size = t.size
-    rates, upper = np.zeros(size), np.zeros(size)
-    for i in range(1, size - 1):
-        a, c = h[i], h[i - 1]
-        pivot = 2 * (a + c) - a * upper[i - 1]
-        upper[i] = c / pivot
-        rates[i] = (3 * (a * slope[i - 1] + c * slope[i]) - a * rates[i - 1]) / pivot
-    for i in range(size - 3, 0, -1):
-        rates[i] -= upper[i] * rates[i + 1]
-    return rates
+    return y[index] + slope[index] * (at - t[index]), slope[index], np.zeros(at.shape)

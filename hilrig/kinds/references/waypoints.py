@@ -8,15 +8,15 @@ from typing import Annotated
 from hilrig.core.interfaces import Samples, Span
 from hilrig.core.parameters import Parameter
 from hilrig.core.signals import Array
-from hilrig.kinds.references._curve import Interpolation, check_points, curve
+from hilrig.kinds.references._curve import Interpolation, check_points, curve, cut_off
 
 
 @dataclass(frozen=True)
 class Waypoints:
     """r(t) passes through (times_i, values_i), t counted from the start of the phase.
 
-    cubic: the spline with continuous acceleration that is at rest at its first and last point; linear:
-    straight lines. Before the first and after the last point r rests there.
+    cubic: the spline with continuous acceleration whose rate is zero at its first and last point; linear: straight
+    lines. Before the first point and after the last, r rests there.
     """
 
     times: Annotated[tuple[float, ...], Parameter("s", "since the start of the phase, rising", 0.0)]
@@ -28,5 +28,9 @@ class Waypoints:
         check_points(self.times, self.values)
 
     def sample(self, time: Array, span: Span) -> Samples:
-        """Return the curve at `time` (N,) s."""
-        return curve(self.times, self.values, self.interpolation, time - span.start)
+        """Return the curve at `time` (N,) s. Raises ValueError if it begins after its phase has ended."""
+        return curve(self.times, self.values, self.interpolation, time, span)
+
+    def warnings(self, span: Span) -> list[str]:
+        """Return what of the curve the phase leaves out."""
+        return cut_off(self.times, span)

@@ -114,8 +114,8 @@ BROKEN: dict[str, tuple[str, str, tuple[str, ...]]] = {
     ),
     "CSV that is not there": (POSITION, "{kind: csv, file: §none.csv, column: x}", ("none.csv", "cannot be read")),
     "CSV without the column": (POSITION, "{kind: csv, file: §curve.csv, column: xx}", ("'xx'", "columns: time, x")),
-    "CSV with a gap": (POSITION, "{kind: csv, file: §curve.csv, column: gap}", ("line 3", "'gap'", "not a number")),
-    "CSV with NaN": (POSITION, "{kind: csv, file: §curve.csv, column: nan}", ("finite",)),
+    "CSV with a gap": (POSITION, "{kind: csv, file: §curve.csv, column: gap}", ("curve.csv: line 3, column 'gap'", "empty")),
+    "CSV with NaN": (POSITION, "{kind: csv, file: §curve.csv, column: nan}", ("curve.csv: line 3, column 'nan'", "finite")),
     "CSV whose time falls": (POSITION, "{kind: csv, file: §curve.csv, column: x, time: back}", ("must rise",)),
     # what does not fit together
     "no controllers": ("  pd: {kind: pd}", "  §{}", ("no controllers", "one at least")),

@@ -8,6 +8,9 @@ import pytest
 
 from hilrig.core.errors import ExperimentError
 from hilrig.experiment import Experiment, experiment_schema, load
+from hilrig.experiment.plan import plan
+from hilrig.experiment.plan.margins import margins
+from hilrig.experiment.plan.warnings import warnings
 from hilrig.experiment.schema import describe
 from hilrig.kinds import registry as plugins
 from hilrig.kinds.references.hold import Hold
@@ -119,6 +122,42 @@ def test_a_csv_file_is_read_from_the_experiments_folder(path: Path, monkeypatch:
     path.write_text(TEXT.replace("{x: {kind: hold, value: 0}}", "{kind: csv, file: curve.csv, column: x}"))
     monkeypatch.chdir("/")
     assert load(path).phases[1].position["x"].values == (0.0, 0.1, 0.0)  # pyright: ignore
+
+
+def with_table(path: Path, content: bytes) -> Path:
+    (path.parent / "curve.csv").write_bytes(content)
+    path.write_text(TEXT.replace("{x: {kind: hold, value: 0}}", "{kind: csv, file: curve.csv, column: x}"))
+    return path
+
+
+def test_a_byte_order_mark_is_no_part_of_a_columns_name(path: Path) -> None:
+    with_table(path, b"\xef\xbb\xbftime,x\r\n0,0\r\n1,0.1")
+    assert load(path).phases[1].position["x"].values == (0.0, 0.1)  # pyright: ignore
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("time,x,Größe\n0,0,0\n".encode("latin-1"), "curve.csv:1:10: is not UTF-8 text: byte 0xf6"),
+        (b"time,x\n0,0\n1,\x9d\n", "curve.csv:3:3: is not UTF-8 text: byte 0x9d"),
+        ("time,x\n0,0\n".encode("utf-16"), "curve.csv:1:1: is not UTF-8 text: it begins with the byte order mark"),
+    ],
+)  # fmt: skip
+def test_a_table_in_another_encoding_is_refused(path: Path, content: bytes, words: str) -> None:
+    with pytest.raises(ExperimentError) as caught:
+        load(with_table(path, content))
+    assert words in str(caught.value)
+
+
+def test_a_curve_that_outlasts_its_phase_is_warned_of_in_its_place(path: Path) -> None:
+    experiment = load(with_table(path, b"time,x\n0,0\n1,0.1\n2000,0\n"))
+    found = warnings(experiment, margins(plan(experiment)))
+    ((place, message),) = [problem for problem in found if "points" in problem.message]
+    assert place is not None
+    assert (place.file, place.line) == (str(path), 18)
+    assert message.startswith(
+        "phase 'second', axis x: 1 of the curve's 3 points are never reached: its last time is 2000"
+    )
 
 
 OVERRIDES: list[tuple[str, Any]] = [

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hilrig.core.interfaces import ReferenceSignal, Samples, Span
+from hilrig.core.interfaces import ReferenceSignal, Span
 from hilrig.kinds.references.csv import Csv
 from hilrig.kinds.references.hold import Hold
 from hilrig.kinds.references.min_jerk import MinJerk
@@ -143,6 +143,45 @@ def test_a_cubic_curves_acceleration_is_continuous_between_its_ends(steps: list[
     np.testing.assert_allclose(before, after, atol=1e-5 * scale)
 
 
+@given(curves)
+def test_a_cubic_curve_is_the_spline_with_zero_rates_at_its_ends(steps: list[tuple[float, float]]) -> None:
+    """Against the cubics of all stretches, solved for at once: points, equal rates and accelerations, ends at rest."""
+    curve = waypoints(steps)
+    t, y = np.array(curve.times), np.array(curve.values)
+    cubics = dense_spline(t, y)
+    since_start = np.linspace(t[0], t[-1], 501)[1:-1]
+    index = np.searchsorted(t, since_start, side="right") - 1
+    s, (a, b, c, d) = since_start - t[index], cubics[index].T
+    samples = curve.sample(SPAN.start + since_start, SPAN)
+    scale = 1.0 + max(float(np.abs(part).max()) for part in samples)
+    np.testing.assert_allclose(samples.value, a + s * (b + s * (c + s * d)), atol=1e-9 * scale)
+    np.testing.assert_allclose(samples.rate, b + s * (2 * c + s * 3 * d), atol=1e-9 * scale)
+    np.testing.assert_allclose(samples.acceleration, 2 * c + 6 * d * s, atol=1e-9 * scale)
+
+
+def dense_spline(t: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return a, b, c, d of a + b s + c s^2 + d s^3 for each stretch, s from its first point."""
+    count = t.size - 1
+    matrix, right = np.zeros((4 * count, 4 * count)), np.zeros(4 * count)
+    row = iter(range(4 * count))
+    for i, h in enumerate(np.diff(t)):
+        value, rate, bend = np.array([1, h, h**2, h**3]), np.array([0, 1, 2 * h, 3 * h**2]), np.array([0, 0, 2, 6 * h])
+        here, there = slice(4 * i, 4 * i + 4), slice(4 * i + 4, 4 * i + 8)
+        k = next(row)
+        matrix[k, 4 * i], right[k] = 1, y[i]
+        k = next(row)
+        matrix[k, here], right[k] = value, y[i + 1]
+        if i == 0:
+            matrix[next(row), 1] = 1
+        if i == count - 1:
+            matrix[next(row), here] = rate
+        else:
+            for ending, starting in ((rate, [0, 1, 0, 0]), (bend, [0, 0, 2, 0])):
+                k = next(row)
+                matrix[k, here], matrix[k, there] = ending, -np.array(starting)
+    return np.linalg.solve(matrix, right).reshape(count, 4)
+
+
 def test_a_linear_curve_is_straight() -> None:
     samples = Waypoints((0.0, 2.0, 4.0), (0.0, 1.0, 0.0), "linear").sample(np.array([3.0, 5.0]), SPAN)
     np.testing.assert_allclose(samples.value, [0.5, 0.5])
@@ -152,9 +191,10 @@ def test_a_linear_curve_is_straight() -> None:
 @pytest.mark.parametrize(
     ("times", "points", "words"),
     [
-        ((0.0,), (0.0,), "two points"),
-        ((0.0, 0.0), (1.0, 2.0), "rise"),
-        ((-1.0, 0.0), (1.0, 2.0), "negative"),
+        ((0.0,), (0.0,), "at least two points; this one has 1"),
+        ((0.0, 0.0), (1.0, 2.0), "point 2: the time 0 s follows 0 s"),
+        ((-1.0, 0.0), (1.0, 2.0), "point 1: the time -1 s is before the start"),
+        ((0.0, np.nan), (1.0, 2.0), "finite"),
         ((0.0, 1.0), (1.0,), "2 times, but 1 values"),
     ],
 )
@@ -163,27 +203,23 @@ def test_points_that_make_no_curve_are_refused(times: tuple, points: tuple, word
         Waypoints(times, points)
 
 
-def test_a_table_is_the_curve_through_its_rows() -> None:
-    text = "time, x\n0, 0\n1, 0.5\n2, 0.25\n"
-    table = Csv("a.csv", "x").filled(text)
-    same: Samples = Waypoints((0.0, 1.0, 2.0), (0.0, 0.5, 0.25)).sample(TIME, SPAN)
-    for found, wanted in zip(table.sample(TIME, SPAN), same, strict=True):
-        np.testing.assert_array_equal(found, wanted)
+@pytest.mark.parametrize("interpolation", ["cubic", "linear"])
+def test_a_curve_that_begins_after_its_phase_is_refused(interpolation: Any) -> None:
+    """Such as times since 1970: the reference would rest at the first value, whatever the table says."""
+    length = SPAN.end - SPAN.start
+    with pytest.raises(ValueError, match=r"begins 1760000000 s after .* lasts 4 s; .* count from the start"):
+        Waypoints((1.76e9, 1.76e9 + 1), (0.0, 1.0), interpolation).sample(TIME, SPAN)
+    with pytest.raises(ValueError, match="begins 4 s after"):
+        Waypoints((length, 2 * length), (0.0, 1.0), interpolation).sample(TIME, SPAN)
+    assert Waypoints((length - 0.1, length), (0.0, 1.0), interpolation).sample(TIME, SPAN).value.any()
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("", "no column 'time'"),
-        ("time,y\n0,1\n", r"no column 'x' \(columns: time, y\)"),
-        ("time,x\n0,1\n1,\n", "line 3"),
-        ("time,x\n0,1\n1,a\n", "'a' is not a number"),
-        ("time,x\n0,1\n", "two points"),
-        ("time,x\n0,1\n1,nan\n", "finite"),
-        ("time,x\n1,1\n0,1\n", "rise"),
-        ("time,x\n0,1\n1\n", "line 3"),
-    ],
-)
-def test_tables_that_are_no_curve_are_refused(text: str, words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        Csv("a.csv", "x").filled(text)
+def test_a_curve_that_outlasts_its_phase_is_warned_of() -> None:
+    in_ms = Waypoints((0.0, 10.0, 20.0), (0.0, 1.0, 2.0))
+    assert in_ms.warnings(SPAN) == [
+        "2 of the curve's 3 points are never reached: its last time is 20 s, and the phase lasts 4 s"
+    ]
+    assert Csv("a.csv", "x").filled("time,x\n0,0\n4.1,1\n").warnings(SPAN)
+    assert Waypoints((0.0, 2.0), (0.0, 1.0)).warnings(SPAN) == []
+    third = Span(0.1, 0.1 + 0.1 + 0.1, None)
+    assert Waypoints((0.0, 0.2), (0.0, 1.0)).warnings(third) == [], "what is lost by rounding is no point"

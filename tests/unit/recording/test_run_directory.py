@@ -11,7 +11,6 @@ import pytest
 
 from hilrig.core.errors import RunDirectoryError
 from hilrig.recording.bag_writer import BagWriter
-from hilrig.recording.manifest import provenance
 from hilrig.recording.run_directory import (
     create_run,
     find_run,
@@ -94,10 +93,3 @@ def test_a_run_that_cannot_be_made_names_the_place(tmp_path: Path) -> None:
 def test_what_json_has_no_number_for_is_null(tmp_path: Path) -> None:
     write_json(tmp_path / "a.json", {"settled": float("inf"), "all": [float("nan"), 1.0]})
     assert json.loads((tmp_path / "a.json").read_text()) == {"settled": None, "all": [None, 1.0]}
-
-
-def test_provenance_outside_a_repository_has_no_commit(tmp_path: Path) -> None:
-    found = provenance(tmp_path / "x.yaml")
-    assert found["commit"] is None
-    assert found["host"]["cores"] >= 1
-    assert "numpy" in found["versions"]

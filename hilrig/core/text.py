@@ -1,0 +1,28 @@
+"""Text files of the user's, as bytes: UTF-8, with or without a byte order mark."""
+
+from __future__ import annotations
+
+import codecs
+
+OTHER_MARKS = {codecs.BOM_UTF16_LE: "UTF-16", codecs.BOM_UTF16_BE: "UTF-16"}
+
+
+class NotUtf8Error(ValueError):
+    """Bytes that are not UTF-8 text; the message says which byte, and its place counts from 1."""
+
+    def __init__(self, message: str, line: int, column: int) -> None:
+        self.line, self.column = line, column
+        super().__init__(message)
+
+
+def decoded(content: bytes) -> str:
+    """Return the text of a file, without its byte order mark. Raises NotUtf8Error."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = error.object[: error.start]
+        line, column = before.count(b"\n") + 1, error.start - before.rfind(b"\n")
+        found = f"byte 0x{error.object[error.start]:02x}"
+        if content[:2] in OTHER_MARKS:
+            found = f"it begins with the byte order mark of {OTHER_MARKS[content[:2]]}"
+        raise NotUtf8Error(f"is not UTF-8 text: {found}", line, column) from error
