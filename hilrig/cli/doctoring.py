@@ -66,7 +66,7 @@ def _show(found: list[Finding], measured: Probe, verdict: Verdict) -> None:
     _print_probe(console, measured)
     console.print(f"\n1 ms on this machine: [bold {WORDS[verdict.word]}]{verdict.word}[/]")
     for reason in verdict.because:
-        console.print(f"  {reason}")
+        console.print(f"  {reason}", markup=False)
     _print_remedies(console, found)
 
 

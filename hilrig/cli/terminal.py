@@ -17,7 +17,9 @@ from hilrig.experiment.trial import Trial
 from hilrig.report.expectations import Expected
 from hilrig.rig.outcome import Outcome
 
-errors = Console(stderr=True, highlight=False, soft_wrap=True)
+AS_IT_IS: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}
+"""What is printed holds names and reasons of the user's: a bracket in them is no markup, a colon no emoji"""
+errors = Console(stderr=True, soft_wrap=True, **AS_IT_IS)
 STYLES = {"completed": "green", "tripped": "red", "failed": "red", "timed_out": "red", "aborted": "yellow"}
 
 
@@ -42,8 +44,8 @@ class Display:
     def __init__(self, trials: int) -> None:
         self._count, self._number = trials, 0
         self._bars = Progress(
-            TextColumn("{task.description}"), BarColumn(bar_width=24), _Clocks(), console=errors, transient=True,
-            disable=not errors.is_terminal,
+            TextColumn("{task.description}", markup=False), BarColumn(bar_width=24), _Clocks(),
+            console=errors, transient=True, disable=not errors.is_terminal,
         )  # fmt: skip
         self._tasks: dict[str, Any] = {}
 
@@ -97,7 +99,7 @@ def print_expectations(expected: Sequence[Expected]) -> None:
     """Print on stdout which expectations are met: the value seen and the limit, a line each, never folded."""
     rows = [("met" if item.met else "not met", item.subject, item.seen, item.limit, item.basis) for item in expected]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(soft_wrap=True, **AS_IT_IS)
     console.print(Text(f"expected {sum(item.met for item in expected)} of {len(expected)} met"))
     for item, (word, *cells) in zip(expected, rows, strict=True):
         line = Text(f"  {word:{widths[0]}}", style="green" if item.met else "red")
@@ -116,4 +118,4 @@ def print_table(title: str, columns: dict[str, str], rows: list[list[str]]) -> N
         table.add_row(*row)
     # A pipe has no width: nothing must be folded or cut there.
     width = None if sys.stdout.isatty() else 200
-    Console(highlight=False, width=width).print(table)
+    Console(width=width, **AS_IT_IS).print(table)

@@ -13,6 +13,7 @@ HilrigError
 from __future__ import annotations
 
 import difflib
+import os
 import traceback
 from collections.abc import Iterable
 from pathlib import Path
@@ -48,7 +49,7 @@ class OutOfReach(HilrigError):
 
 
 class Place(NamedTuple):
-    """A place in a text file; line and column count from 1. Line 0 is the whole of it."""
+    """A place in a text file; line and column count from 1. Line 0 stands for the whole file."""
 
     file: str
     line: int = 0
@@ -77,13 +78,50 @@ class ExperimentError(HilrigError):
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
 
+LONGEST = 500
+"""Characters of what an exception says; some libraries write pages"""
+
+
+def raised(error: BaseException) -> str:
+    """Return in one line what was raised: the type of the exception, and what it says."""
+    if isinstance(error, SystemExit):
+        return f"sys.exit({error.code!r}) was called"
+    text = one_line(error)
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def one_line(error: BaseException) -> str:
+    """Return what an exception says in one line, as far as a message has room for it."""
+    try:
+        text = " ".join(str(error).split())
+    except Exception:  # the exception is an author's, and so is its __str__
+        return ""
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+
+
+def authors_line(error: BaseException, package: str = "") -> tuple[str, int] | None:
+    """Return file and line of the innermost code of a plug-in's author that an exception came through; None if none.
+
+    That is code outside hilrig, Python and installed libraries; `package` is an installed one that counts as well.
+    """
+    ours, python = str(Path(__file__).parents[1]) + os.sep, str(Path(os.__file__).parent) + os.sep
+    found = None
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        file = frame.f_code.co_filename
+        installed = file.startswith(python) or "site-packages" in file or "dist-packages" in file
+        own = bool(package) and str(frame.f_globals.get("__name__")).partition(".")[0] == package
+        if not file.startswith((ours, "<")) and (own or not installed):
+            found = (file, line)
+    return found
+
+
 def describe(error: BaseException) -> str:
-    """Return one line: what was raised, and where if it was not meant for the user."""
+    """Return one line: what was raised and, if it was not meant for the user, where; in the author's code if it can."""
     if isinstance(error, HilrigError):
         return str(error)
     frames = traceback.extract_tb(error.__traceback__)
-    where = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
-    return f"{type(error).__name__}: {error}{where}"
+    file, line = authors_line(error) or ((frames[-1].filename, frames[-1].lineno) if frames else ("", 0))
+    return f"{raised(error)} at {Path(file).name}:{line}" if file else raised(error)
 
 
 def nearest(name: str, choices: Iterable[str]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -39,3 +39,12 @@ def per_axis(value: PerAxis | Array, size: int, name: str) -> Array:
     if array.size not in (1, size):
         raise ValueError(f"{name}: {array.size} values where there must be 1 or {size}")
     return np.ascontiguousarray(np.broadcast_to(array, (size,)))
+
+
+def plain(value: Any) -> Any:
+    """Return a parameter's value in Python's own types: a NumPy scalar as a number, an array as a tuple of them."""
+    if isinstance(value, np.floating):
+        return float(value)
+    if isinstance(value, (np.generic, np.ndarray)):
+        value = value.tolist()
+    return tuple(plain(item) for item in value) if isinstance(value, (tuple, list)) else value

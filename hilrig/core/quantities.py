@@ -1,15 +1,18 @@
 """Quantities as people write them: a bare SI number, or a number with its unit such as "180 N/m".
 
 Angle is a dimension here, and Hz means turns per second: "1 Hz" is 2 pi rad/s, and a torque is no joint
-stiffness.
+stiffness. Conversions are exact and rounded once: "100 us", "0.1 ms" and 1e-4 are the same number.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from fractions import Fraction
 from functools import cache
 from typing import TYPE_CHECKING, Any
+
+from hilrig.core.errors import nearest
 
 if TYPE_CHECKING:
     import pint
@@ -27,15 +30,20 @@ second = [time] = s
 gram = [mass] = g
 radian = [angle] = rad
 minute = 60 * second = min
-turn = 6.283185307179586 * radian
-degree = 0.017453292519943295 * radian = deg
+turn = 6.28318530717958647692528676655900577 * radian
+degree = 0.0174532925199432957692369076848861271 * radian = deg = °
 hertz = turn / second = Hz
 rpm = turn / minute
 newton = kilogram * meter / second ** 2 = N
+newton_meter = newton * meter = Nm
+newton_second = newton * second = Ns
+newton_meter_second = newton * meter * second = Nms
 joule = newton * meter = J
 watt = joule / second = W
-percent = 0.01
+percent = 0.01 = %
 """
+_KNOWN = ("m", "kg", "g", "s", "min", "N", "Nm", "Ns", "Nms", "rad", "deg", "°", "turn", "Hz", "rpm", "W", "J", "%")
+"""What a message lists"""
 
 _NAMES = {
     "s": "a time", "m": "a length", "kg": "a mass", "rad": "an angle", "N": "a force", "m/s": "a speed",
@@ -51,8 +59,15 @@ _EXAMPLES = {
     "rad/s": "1 rad/s", "Hz": "100 Hz", "N/m": "800 N/m", "N*s/m": "20 N*s/m", "N*m": "2 N*m", "": "0.5",
 }  # fmt: skip
 
-_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
-_UNIT = re.compile(r"(?:[A-Za-zµ%1()*/ ]|(?:\^|\*\*) ?-?[1-9](?!\d)){0,40}")
+_AS_TYPED = str.maketrans({
+    "μ": "µ",  # the Greek letter, which Unicode prefers, and the sign that keyboards have
+    "−": "-",
+    "·": "*", "⋅": "*", "∙": "*", "×": "*", "º": "°",
+    "\u00a0": " ", "\u2009": " ", "\u202f": " ",
+})  # fmt: skip
+"""Characters that are printed for others"""
+_NUMBER = re.compile(r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*")
+_UNIT = re.compile(r"(?:[A-Za-zµ°%1()*/. ]|(?:\^|\*\*) ?-?[1-9](?!\d)|⁻?[¹²³⁴⁵⁶⁷⁸⁹](?![⁰¹²³⁴⁵⁶⁷⁸⁹])){0,40}")
 """Units may hold names, products, quotients and powers of one digit: nothing that is costly to work out."""
 
 
@@ -63,7 +78,10 @@ def quantity(value: Any, unit: str) -> float:
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise ValueError(f"{shown(value)} is not a quantity; this needs {described(unit)}")
-    number = _converted(value, unit) if isinstance(value, str) else float(value)
+    try:
+        number = _converted(value, unit) if isinstance(value, str) else float(value)
+    except OverflowError:  # a whole number or a fraction beyond every float
+        number = math.inf
     if not math.isfinite(number):
         raise ValueError(f"{shown(value)} is not a finite number; this needs {described(unit)}")
     return number
@@ -71,7 +89,7 @@ def quantity(value: Any, unit: str) -> float:
 
 def described(unit: str) -> str:
     """Return what a quantity in `unit` is called, with an example, such as "a time, e.g. '1 ms'"."""
-    name = _NAMES.get(unit) or _name_of(unit)
+    name = _NAMES.get(unit) or _name_of(_registry().parse_units(unit))
     return f"{name}, e.g. '{_EXAMPLES[unit]}'" if unit in _EXAMPLES else f"{name} in {unit}"
 
 
@@ -81,44 +99,58 @@ def shown(value: Any) -> str:
         return "nothing"
     if isinstance(value, bool):
         return "true" if value else "false"
+    if isinstance(value, int) and value.bit_length() > 200:
+        return f"a whole number of {math.ceil(value.bit_length() * math.log10(2))} digits"
     if isinstance(value, (int, float)):
         return repr(value)
-    if isinstance(value, dict):
-        return "a mapping"
-    text = str(value) if isinstance(value, str) else f"a list of {len(value)}"
-    return f"'{text if len(text) <= 60 else text[:57] + '...'}'" if isinstance(value, str) else text
+    if isinstance(value, str):
+        return f"'{shortened(value)}'"
+    return "a mapping" if isinstance(value, dict) else f"a list of {len(value)}"
+
+
+def shortened(text: str) -> str:
+    """Return a text as far as a message has room for it."""
+    return text if len(text) <= 60 else text[:57] + "..."
 
 
 def _converted(text: str, unit: str) -> float:
-    match = _NUMBER.fullmatch(text)
+    match = _NUMBER.fullmatch(text.translate(_AS_TYPED))
     if match is None:
         raise ValueError(f"{shown(text)} is not a quantity; this needs {described(unit)}")
-    written = match[2]
+    digits, written = match.groups()
+    if written.startswith(","):
+        raise ValueError(f"{shown(text)}: decimals take a point, not a comma")
     if not written:
-        return float(match[1])
+        return float(digits)
     given, wanted = _parsed(text, written), _registry().parse_units(unit)
     if given.dimensionality != wanted.dimensionality:
-        raise ValueError(f"{shown(text)} is {_name_of(written)} [{written}]; this needs {described(unit)}")
-    factor = _registry().Quantity(1.0, given).to(wanted).magnitude
-    return float(match[1]) * float(factor)
+        raise ValueError(f"{shown(text)} is {_name_of(given)} [{written}]; this needs {described(unit)}")
+    number = float(digits)
+    if not math.isfinite(number) or number == 0:
+        return number
+    # So many digits that they would take time to work out are first rounded.
+    exact = Fraction(digits) if len(digits) <= 40 else Fraction(number)
+    return float(exact * Fraction(_registry().Quantity(Fraction(1), given).to(wanted).magnitude))
 
 
 def _parsed(text: str, unit: str) -> pint.Unit:
     if not _UNIT.fullmatch(unit):
         raise ValueError(f"{shown(text)}: '{unit}' is not a unit")
     try:
-        return _registry().parse_units(unit.replace("%", "percent"))
+        return _registry().parse_units(("1" * unit.startswith("/") + unit).replace(".", "*"))
     except Exception as error:  # pint raises many kinds, some of them from Python's own tokenizer
+        unknown = next((name for name in re.findall(r"[A-Za-zµ°%]+", unit) if name not in _registry()), unit)
+        alike = [name for name in _KNOWN if name.casefold() == unknown.casefold()]
+        hint = f"; did you mean '{alike[0]}'?" if alike else nearest(unknown, _KNOWN)
         raise ValueError(
-            f"{shown(text)}: '{unit}' is not a unit hilrig knows (m, kg, s, N, rad, deg, Hz, W, J, %)"
+            f"{shown(text)}: '{unknown}' is not a unit that hilrig knows{hint} (known: {', '.join(_KNOWN)})"
         ) from error
 
 
-def _name_of(unit: str) -> str:
+def _name_of(unit: pint.Unit) -> str:
     """Return what a quantity of the unit's dimension is called."""
-    dimension = _registry().parse_units(unit.replace("%", "percent")).dimensionality
     for known, name in _NAMES.items():
-        if _registry().parse_units(known).dimensionality == dimension:
+        if _registry().parse_units(known).dimensionality == unit.dimensionality:
             return name
     return "a quantity"
 
@@ -127,7 +159,7 @@ def _name_of(unit: str) -> str:
 def _registry() -> pint.UnitRegistry:
     import pint  # takes as long to import as everything else here, and many calls need none of it
 
-    registry: pint.UnitRegistry = pint.UnitRegistry(None)  # pyright: ignore[reportArgumentType]
+    registry: pint.UnitRegistry = pint.UnitRegistry(None, non_int_type=Fraction)  # pyright: ignore[reportArgumentType]
     for line in _DEFINITIONS.strip().splitlines():
         registry.define(line)
     return registry

@@ -7,16 +7,18 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from hilrig.core.errors import nearest
-from hilrig.core.interfaces import is_fault
+from hilrig.core.errors import PluginError, nearest
+from hilrig.core.interfaces import Capabilities, is_fault
 from hilrig.core.parameters import per_axis
 from hilrig.core.quantities import shown
 from hilrig.experiment.document import Keys
 from hilrig.experiment.expecting import check_expectation, complete_expectation
 from hilrig.experiment.model import Experiment, Phase
+from hilrig.experiment.rig_settings import RigSettings
 from hilrig.experiment.schema import ONLY_AXIS, Finding, InvalidError
 from hilrig.experiment.trial import ALL_PHASES
 from hilrig.kinds import registry as plugins
+from hilrig.kinds.user_files import code_of
 
 MIN_TICKS = 2
 """Below that there is no rate and nothing to compare"""
@@ -31,7 +33,10 @@ def completed(experiment: Experiment) -> Experiment:
 
     Raises InvalidError with all that does not fit together.
     """
-    findings = [
+    findings = list(_check_driver(experiment))
+    if findings:  # what follows asks it
+        raise InvalidError(findings)
+    findings += [
         *_check_names(experiment), *_check_task(experiment), *_check_time(experiment),
         *_check_abilities(experiment), *_check_faults(experiment), *_check_timing(experiment),
     ]  # fmt: skip
@@ -55,12 +60,12 @@ def _check_names(experiment: Experiment) -> Iterator[Finding]:
     }
     for group, named in groups.items():
         if not named:
-            yield Finding((group,), f"there are no {group}; an experiment needs one at least")
+            yield Finding((group,), f"there are no {group}; an experiment needs at least one")
         for name in named:
             yield from _check_name(name, (group, name), on_key=True)
         yield from _check_unique([(name, (group, name)) for name in named], on_key=True)
     if not experiment.phases:
-        yield Finding(("phases",), "there are no phases; an experiment needs one at least")
+        yield Finding(("phases",), "there are no phases; an experiment needs at least one")
     for i, phase in enumerate(experiment.phases):
         yield from _check_name(phase.name, ("phases", i, "name"), on_key=False)
         if phase.name == ALL_PHASES:
@@ -72,16 +77,19 @@ def _check_names(experiment: Experiment) -> Iterator[Finding]:
 
 def _check_name(name: str, path: Keys, on_key: bool) -> Iterator[Finding]:
     if not _NAME.fullmatch(name):
-        message = f"{shown(name)} is no name; use at most 64 of A-Z, a-z, digits, '_' and '-', no '_' or '-' first"
+        message = (
+            f"{shown(name)} cannot be a name: it becomes part of a folder's; use at most 64 of A-Z, a-z, 0-9, '_' and "
+            "'-', with a letter or digit first"
+        )
         yield Finding(path, message, on_key)
 
 
 def _check_unique(named: Iterable[tuple[str, Keys]], on_key: bool) -> Iterator[Finding]:
-    """Names become folders, and some systems take 'PD' and 'pd' for the same."""
+    """Names become folders, and to some file systems 'PD' and 'pd' are the same."""
     seen: dict[str, str] = {}
     for name, path in named:
         if name.lower() in seen:
-            yield Finding(path, f"the name '{name}' is taken already, by '{seen[name.lower()]}'", on_key)
+            yield Finding(path, f"the name '{name}' is already taken by '{seen[name.lower()]}'", on_key)
         seen.setdefault(name.lower(), name)
 
 
@@ -91,7 +99,7 @@ def _check_task(experiment: Experiment) -> Iterator[Finding]:
         if axis not in axes:
             yield Finding(("task", "force_axes", i), _no_axis(axis, axes))
         elif axis in task.force_axes[:i]:
-            yield Finding(("task", "force_axes", i), f"the axis '{axis}' is here twice")
+            yield Finding(("task", "force_axes", i), f"the axis '{axis}' is listed twice")
     for axis in task.start:
         if axis not in axes:
             yield Finding(("task", "start", axis), _no_axis(axis, axes), on_key=True)
@@ -114,11 +122,29 @@ def _check_time(experiment: Experiment) -> Iterator[Finding]:
         if whole < 1 or abs(whole * period - phase.duration) > 1e-6 * period:
             message = f"{phase.duration:g} s is not a whole number of periods of {period:g} s"
             yield Finding(("phases", i, "duration"), message)
-    if experiment.rig.spin >= period:
-        message = f"{experiment.rig.spin:g} s is not less than the period of {period:g} s"
-        yield Finding(("rig", "spin"), message)
+    spin = experiment.rig.spin
+    if experiment.clock == "realtime" and spin >= period:
+        path: Keys = ("period",) if spin == RigSettings.spin else ("rig", "spin")
+        message = (
+            f"a period of {period:g} s leaves no time to sleep in: 'rig.spin', the part of each wait that is spent "
+            f"awake, is {spin:g} s; set it to less than the period"
+        )
+        yield Finding(path, message)
     if experiment.phases and not MIN_TICKS <= ticks <= MAX_TICKS:
         yield Finding(("phases",), f"{ticks} ticks in all; a trial has {MIN_TICKS} to {MAX_TICKS}")
+
+
+def _check_driver(experiment: Experiment) -> Iterator[Finding]:
+    """Yield what a driver of the user's does not say of itself as others rely on it."""
+    try:
+        with code_of(experiment.driver):
+            capabilities, axes = experiment.driver.capabilities, experiment.driver.robot.axes
+            if not isinstance(capabilities, Capabilities):
+                raise ValueError(f"capabilities is a {type(capabilities).__name__}; it must be a Capabilities")
+            if not isinstance(axes, tuple) or not axes or not all(isinstance(axis, str) for axis in axes):
+                raise ValueError(f"the robot's axes are {axes!r}; they must be a tuple of names")
+    except PluginError as error:
+        yield Finding(("driver",), str(error))
 
 
 def _check_abilities(experiment: Experiment) -> Iterator[Finding]:
@@ -128,7 +154,8 @@ def _check_abilities(experiment: Experiment) -> Iterator[Finding]:
         message = f"the driver cannot run with the clock '{experiment.clock}' (it can: {able})"
         yield Finding(("clock",), message)
     if experiment.actuation_delay == 0 and experiment.clock != "lockstep":
-        yield Finding(("actuation_delay",), "0 is possible with the clock 'lockstep' alone; allowed here: 1 to 10")
+        message = "0 is possible only with the clock 'lockstep'; in real time 1 to 10 are allowed"
+        yield Finding(("actuation_delay",), message)
     for name, disturbances in experiment.conditions.items():
         for i, disturbance in enumerate(disturbances):
             beyond = [
@@ -144,7 +171,7 @@ def _check_abilities(experiment: Experiment) -> Iterator[Finding]:
 
 
 def _check_faults(experiment: Experiment) -> Iterator[Finding]:
-    """In lockstep nothing is late, and a lost message would be waited for without end."""
+    """In lockstep nothing is late, and the loop would wait for a lost message for ever."""
     for name, disturbances in experiment.conditions.items():
         for i, disturbance in enumerate(disturbances):
             if is_fault(disturbance) and experiment.clock != "realtime":
@@ -158,15 +185,15 @@ def _check_timing(experiment: Experiment) -> Iterator[Finding]:
     age, least = experiment.timing.command_age_p99, experiment.actuation_delay * experiment.period
     if age is not None and age <= least:
         message = (
-            f"{1e3 * age:g} ms can never be kept: with an actuation delay of {experiment.actuation_delay} and a period "
+            f"{1e3 * age:g} ms cannot be kept: with an actuation delay of {experiment.actuation_delay} and a period "
             f"of {1e3 * experiment.period:g} ms a command is {1e3 * least:g} ms old when it takes effect; "
-            "give more than that"
+            "allow more than that"
         )
         yield Finding(("timing", "command_age_p99"), message)
 
 
 def _complete_phase(experiment: Experiment, phase: Phase, index: int, findings: list[Finding]) -> Phase:
-    """Return the phase with a reference under each axis; what is amiss is added to `findings`."""
+    """Return the phase with a reference under each axis; what is wrong is added to `findings`."""
     force = tuple(axis for axis in experiment.driver.robot.axes if axis in experiment.task.force_axes)
     position = tuple(axis for axis in experiment.driver.robot.axes if axis not in force)
     for name, axes in (("position", position), ("force", force)):
@@ -186,7 +213,7 @@ def _check_axes(given: Mapping[str, Any], axes: tuple[str, ...], path: Keys, nam
         return
     for axis in given:
         if axis not in axes:
-            message = f"'{axis}' is no {name}-controlled axis{nearest(axis, axes)} (these are: {listed})"
+            message = f"the axis '{axis}' is not {name}-controlled{nearest(axis, axes)} ({name}-controlled: {listed})"
             yield Finding((*path, name, axis), message, on_key=True)
     for axis in axes:
         if axis not in given:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,16 +14,23 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from hilrig.core.errors import ExperimentError, Place, Problem, nearest
+from hilrig.core.quantities import shown
 from hilrig.core.text import NotUtf8Error, decoded
 
 MAX_BYTES = 1 << 20
 MAX_NODES = 100_000
-"""Aliases make it possible to write more than this in a few lines."""
+"""A few lines with aliases can stand for more values than fit into memory."""
 
 Keys = tuple[str | int, ...]
 """Where something is in the data: keys of mappings and indices of lists"""
 
 _CORE = "tag:yaml.org,2002:"
+_CONSTANTS: dict[str, dict[str, Any]] = {
+    "null": dict.fromkeys(("", "~", "null")),
+    "bool": {**dict.fromkeys(("true", "yes", "on", "y"), True), **dict.fromkeys(("false", "no", "off", "n"), False)},
+}
+"""What YAML means by these words; of the booleans all but true and false only after %YAML 1.1"""
+_HALF = re.compile("[\ud800-\udfff]")
 _SCALARS = ("null", "bool", "int", "float", "str", "timestamp", "merge")
 
 
@@ -37,7 +45,7 @@ class Document:
     keys: dict[Keys, Place] = field(default_factory=dict)
     """Place of each key of a mapping"""
     written: dict[Keys, str] = field(default_factory=dict)
-    """Each scalar as it stands in the file"""
+    """Each scalar as it is written in the file"""
 
     def place(self, *path: str | int, key: bool = False) -> Place:
         """Return the place of the value at `path`, or of its key; of what is around it if it is not there."""
@@ -63,7 +71,7 @@ def read(path: Path) -> Document:
     except OSError as error:
         raise ExperimentError([Problem(None, f"{path}: cannot be read: {error.strerror}")]) from error
     if len(content) > MAX_BYTES:
-        raise ExperimentError([Problem(start, f"is larger than {MAX_BYTES >> 20} MiB; this is no experiment")])
+        raise ExperimentError([Problem(start, f"is larger than {MAX_BYTES >> 20} MiB, too large for an experiment")])
     try:
         text = decoded(content)
     except NotUtf8Error as error:
@@ -99,7 +107,7 @@ def parse(text: str, file: str) -> Document:
 
 
 class _Reader:
-    """Turns YAML nodes into data and notes their places."""
+    """Turns YAML nodes into data, and notes where each was written."""
 
     def __init__(self, file: str) -> None:
         self._file = file
@@ -111,11 +119,11 @@ class _Reader:
         self.problems: list[Problem] = []
 
     def value(self, node: Node, path: Keys) -> Any:
-        """Return the data of `node`, which stands at `path`."""
+        """Return the data of `node`, which is at `path`."""
         self._count += 1
         if self._count > MAX_NODES:
             raise ExperimentError(
-                [Problem(self._place(node), f"aliases make more than {MAX_NODES} values of this file")]
+                [Problem(self._place(node), f"the aliases in this file expand to more than {MAX_NODES} values")]
             )
         # An alias is the same node as its anchor, whose place is where the value is written.
         self.values[path] = self._place(node)
@@ -142,13 +150,13 @@ class _Reader:
     def _items(self, node: MappingNode, path: Keys) -> Iterator[tuple[str, Node]]:
         seen: dict[str, Node] = {}
         for key, item in node.value:
-            if not isinstance(key, ScalarNode) or not key.value:
-                self._problem(key, "a key must be a single word")
+            if not isinstance(key, ScalarNode) or not key.value or _HALF.search(key.value):
+                self._problem(key, "a key must be a name")
             elif str(key.tag) == _CORE + "merge":
                 self._problem(key, "merge keys (<<) are not part of YAML 1.2; write the values out, or use an alias")
             elif key.value in seen:
                 first = seen[key.value].start_mark.line + 1
-                self._problem(key, f"the key '{key.value}' is here twice; the first is in line {first}")
+                self._problem(key, f"the key '{key.value}' is here twice; first on line {first}")
             else:
                 seen[key.value] = key
                 self.keys[(*path, key.value)] = self._place(key)
@@ -158,15 +166,21 @@ class _Reader:
         text = node.value
         try:
             if kind == "null":
-                return None
+                return _CONSTANTS["null"][text.lower()]
             if kind == "bool":
-                return text.lower() in ("true", "yes", "on", "y")  # the last three only after %YAML 1.1
+                return _CONSTANTS["bool"][text.lower()]
             if kind == "int":
                 return int(text.replace("_", ""), 0 if text.lstrip("+-")[:2] in ("0x", "0o") else 10)
             if kind == "float":
                 return float(text.replace("_", "").lower().replace(".inf", "inf").replace(".nan", "nan"))
+        except KeyError:
+            self._problem(node, f"{shown(text)} is not a {kind}")
         except ValueError:
-            self._problem(node, f"'{text[:60]}' is not a number")
+            digits = text.lstrip("+-").replace("_", "")
+            what = f"has {len(digits)} digits, too many to read" if digits.isdecimal() else "is not a number"
+            self._problem(node, f"{shown(text)} {what}")
+        if _HALF.search(text):
+            self._problem(node, "this text holds one half of a surrogate pair, which is not a character")
         return text
 
     def _place(self, node: Node) -> Place:

@@ -1,4 +1,4 @@
-"""Whether what an experiment expects fits the experiment, and when the end of a trial is as expected."""
+"""Whether the expectations of an experiment fit it, and whether a trial ended as expected."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from hilrig.experiment.trial import ALL_PHASES
 from hilrig.kinds import registry as plugins
 
 OF_A_METRIC = ("minus", "phase", "axis", "below", "above")
-"""Keys that say something of a metric, and nothing of an outcome"""
+"""Keys that apply to a metric, and not to an outcome"""
 
 
 def ends_as_expected(expect: Iterable[Mapping[str, Any]], controller: str, condition: str, outcome: str) -> bool:
-    """Return whether one of the expectations, as plan.json has them, says that such a trial ends with this outcome."""
+    """Return whether an expectation, in the form of plan.json, says that such a trial ends with this outcome."""
     return any(
         item.get("outcome") == outcome and item["controller"] == controller
         and item.get("condition") in (None, condition)
@@ -28,7 +28,7 @@ def ends_as_expected(expect: Iterable[Mapping[str, Any]], controller: str, condi
 
 
 def ended_early(as_expected: Iterable[str]) -> str:
-    """Return what is said beside the number of completed trials, from the outcomes that are as expected; "" if none."""
+    """Return what follows the number of completed trials: how many others ended as expected; "" if none did."""
     counts = Counter(outcome for outcome in as_expected if outcome != "completed")
     return "".join(f", {count} {outcome} as expected" for outcome, count in counts.items())
 
@@ -57,19 +57,19 @@ def check_expectation(experiment: Experiment, expectation: Expectation, index: i
 
 
 def _check_form(expectation: Expectation, index: int) -> Iterator[Finding]:
-    """Yield what is wrong with the keys that are given, whatever their values."""
+    """Yield what is wrong with which keys are given, whatever their values."""
     if expectation.outcome is not None and expectation.metric is not None:
-        message = "'metric' and 'outcome' are both given; an expectation has one of them, so write two"
+        message = "'metric' and 'outcome' are both given; write an expectation for each"
         yield Finding(("expect", index, "outcome"), message, on_key=True)
     elif expectation.outcome is not None:
         for name in OF_A_METRIC:
             if getattr(expectation, name) is not None:
-                message = f"'{name}' does not go with 'outcome', which is that of whole trials (allowed: condition)"
+                message = f"'{name}' does not go with 'outcome', which is of whole trials (allowed: condition)"
                 yield Finding(("expect", index, name), message, on_key=True)
     elif expectation.metric is None:
         yield Finding(("expect", index), "nothing is expected; give 'metric' with 'below' or 'above', or 'outcome'")
     elif expectation.below is None and expectation.above is None:
-        yield Finding(("expect", index), "nothing is expected of the metric; give 'below' or 'above'")
+        yield Finding(("expect", index), "the metric has no limit; give 'below' or 'above'")
 
 
 def complete_expectation(expectation: Expectation, index: int, findings: list[Finding]) -> Expectation:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hilrig.core.errors import ExperimentError, Place, Problem
-from hilrig.core.quantities import shown
+from hilrig.core.quantities import shortened, shown
 from hilrig.experiment import document
 from hilrig.experiment.crosscheck import completed
 from hilrig.experiment.document import Document, Keys
@@ -19,7 +19,7 @@ from hilrig.experiment.schema import Context, Finding, InvalidError, json_schema
 
 STUDY_KEYS = ("claims", "experiments")
 EXPERIMENT_KEYS = ("driver", "task", "phases", "controllers")
-"""What tells a study and an experiment apart: keys that only the one has"""
+"""Keys that only one of them has tell a study and an experiment apart"""
 
 
 def load(path: Path, overrides: Iterable[str] = ()) -> Experiment:
@@ -41,12 +41,12 @@ def load(path: Path, overrides: Iterable[str] = ()) -> Experiment:
 
 
 def is_study(source: Document) -> bool:
-    """Return whether a file is a study, which lists experiments, and no experiment; by its keys."""
+    """Return whether a file is a study, judged by its keys."""
     return not source.data.keys().isdisjoint(STUDY_KEYS) and source.data.keys().isdisjoint(EXPERIMENT_KEYS)
 
 
 def is_experiment(source: Document) -> bool:
-    """Return whether a file is an experiment, and no study; by its keys."""
+    """Return whether a file is an experiment, judged by its keys."""
     return not source.data.keys().isdisjoint(EXPERIMENT_KEYS) and source.data.keys().isdisjoint(STUDY_KEYS)
 
 
@@ -64,7 +64,7 @@ def problems(findings: Iterable[Finding], source: Document) -> list[Problem]:
 def _as_written(found: Finding, source: Document) -> str:
     """Return the message with the value as it stands in the file: 1e-3, not 0.001."""
     value, written = _at(source.data, found.path), source.written.get(found.path)
-    if written is None or isinstance(value, (str, bool)) or value is None:
+    if written is None or isinstance(value, (str, bool)) or value is None or shortened(written) != written:
         return found.message
     return found.message.replace(shown(value), written, 1)
 

@@ -1,4 +1,4 @@
-"""What an experiment file says, as frozen dataclasses; hilrig.experiment.schema reads them by pydantic models."""
+"""What an experiment file says, as frozen dataclasses, which hilrig.experiment.schema fills from the file."""
 
 from __future__ import annotations
 

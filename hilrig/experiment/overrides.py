@@ -1,4 +1,4 @@
-"""Overrides: values given beside the file, such as "repeats=1" or "controllers.pd.stiffness=100 N/m"."""
+"""Overrides: values given on the command line, such as "repeats=1" or "controllers.pd.stiffness=100 N/m"."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hilrig.experiment.model import Experiment
 SECTIONS = tuple(field.name for field in fields(Experiment) if field.name != "source")
 """What an experiment file may hold"""
 NAMED = (("controllers",), ("conditions",))
-"""Mappings with names of the user's own: an override changes what is there, and adds nothing"""
+"""Mappings whose names the user chose: an override changes what is there, and adds nothing"""
 
 
 def override(source: Document, text: str) -> Document:
@@ -26,7 +26,7 @@ def override(source: Document, text: str) -> Document:
     file = f"--set {text}"
     path_text, equals, value_text = text.partition("=")
     if not equals or not path_text.strip():
-        raise _error(file, f"'{text}' is no override; write path=value, such as repeats=1")
+        raise _error(file, f"'{text}' is not an override; write path=value, such as repeats=1")
     value = document.parse(value_text, file)
     data = copy.deepcopy(source.data)
     path = _resolved(data, path_text.strip().split("."), file)
@@ -38,7 +38,7 @@ def override(source: Document, text: str) -> Document:
 
 
 def _resolved(data: Any, names: list[str], file: str) -> Keys:
-    """Return the path that `names` mean in `data`, making mappings on the way where sections are left out."""
+    """Return the path that `names` stand for in `data`, in which sections that were left out are added as mappings."""
     path: Keys = ()
     for depth, name in enumerate(names):
         if isinstance(data, list):
@@ -48,11 +48,13 @@ def _resolved(data: Any, names: list[str], file: str) -> Keys:
             last = depth == len(names) - 1
             if depth == 0 and name not in SECTIONS:
                 raise _error(file, f"there is no '{name}' in an experiment{nearest(name, SECTIONS)}")
-            if name not in data and (path in NAMED or (path and not last)):
+            if name not in data and path in NAMED:
                 there = ", ".join(data) or "nothing"
                 message = f"there is no '{name}' in {_dotted(path)}{nearest(name, data)} (there: {there})"
                 raise _error(file, message)
-            data, path = data.get(name) if last else data.setdefault(name, {}), (*path, name)
+            if not last and data.get(name) is None:  # an optional section, left out or empty
+                data[name] = {}
+            data, path = data.get(name), (*path, name)
         else:
             raise _error(file, f"{_dotted(path)} is a single value; it has no '{name}'")
     return path

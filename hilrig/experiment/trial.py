@@ -1,6 +1,6 @@
 """A trial: one controller under one condition, once; everything the rig needs to know to run it.
 
-No pydantic, no YAML and no units here: the processes of the rig read trials and must start fast.
+No YAML and no units here: the processes of the rig read trials and must start fast.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from hilrig.core.errors import PluginError
 from hilrig.core.interfaces import (
     POSITION_CLIP,
     VELOCITY_CLIP,
@@ -28,6 +29,7 @@ from hilrig.core.signals import Array, DisturbanceSchedule, Reference, State
 from hilrig.experiment.rig_settings import RigSettings
 from hilrig.experiment.timing_budget import TimingBudget
 from hilrig.kinds.registry import dump, restore
+from hilrig.kinds.user_files import code_of
 
 ALL_PHASES = "all"
 """Stands for all phases together, in metrics and expectations"""
@@ -213,8 +215,11 @@ def sample_axis(trial: Trial, axis: str) -> Samples:
         # One sample more than the phase has ticks: where it ends is where the next one takes over.
         moments = np.append(time[ticks], phase.end)
         try:
-            samples = signal.sample(moments, Span(phase.start, phase.end, previous))
-        except ValueError as error:
+            with code_of(signal):
+                samples = Samples(*signal.sample(moments, Span(phase.start, phase.end, previous)))
+                if any(np.shape(array) != moments.shape or not np.isfinite(array).all() for array in samples):
+                    raise ValueError(f"sample must return three arrays of {moments.size} finite numbers")
+        except PluginError as error:
             message = f"phase '{phase.name}', axis {axis}: {error}"
             raise UnusableReferenceError(index, message) from error
         previous = float(samples.value[-1])

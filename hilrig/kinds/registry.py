@@ -12,20 +12,22 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import importlib
+import math
 import pkgutil
 import sys
-import traceback
 import types
 from collections.abc import Mapping
 from functools import cache
-from importlib.machinery import SourceFileLoader
 from importlib.metadata import EntryPoint, entry_points
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
-from hilrig.core.errors import PluginError, nearest
+import numpy as np
+
+from hilrig.core.errors import PluginError, describe, nearest
 from hilrig.core.interfaces import Controller, Disturbance, Driver, Metric, ReferenceSignal, Robot
+from hilrig.core.parameters import plain
+from hilrig.kinds.user_files import code_of, place_of, read_bytes, run_file
 
 PROTOCOLS: dict[str, type] = {
     "controllers": Controller,
@@ -38,6 +40,7 @@ PROTOCOLS: dict[str, type] = {
 """The interface that the kinds of each group keep."""
 
 _USER_MODULE = "hilrig_user_"
+_MISSING = dataclasses.MISSING
 
 
 def kinds(group: str) -> tuple[str, ...]:
@@ -52,6 +55,8 @@ def load(group: str, kind: str, base: Path | None = None) -> type:
     starts from (the experiment's). Raises PluginError if there is no such kind, or if it does not keep the
     interface.
     """
+    if "\0" in kind:
+        raise PluginError(f"{kind!r} is neither a name nor a path")
     if is_path(kind):
         return _from_file(group, ((base or Path.cwd()) / kind).resolve())
     return _by_name(group, kind)
@@ -85,35 +90,46 @@ def group_of(annotation: Any) -> str | None:
     return parts[2] if len(parts) == 4 and parts[:2] == ["hilrig", "kinds"] and parts[2] in PROTOCOLS else None
 
 
-def dump(value: Any) -> Any:
+def dump(value: Any, name: str = "") -> Any:
     """Return `value`, a kind with its parameters, as data for JSON: {"kind": ..., field: SI value}.
 
-    Nested dataclasses and kinds are written the same way; tuples become lists. Exact: floats are kept as they
-    are.
+    Nested dataclasses and kinds are written the same way; tuples become lists. Exact: floats are kept as they are, and
+    an infinity, which JSON does not have, becomes the text "inf" or "-inf". Raises PluginError, naming the parameter
+    `name`, for what cannot be written.
     """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = {f.name: dump(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        fields = {f.name: dump(getattr(value, f.name), f.name) for f in dataclasses.fields(value) if f.init}
         return {"kind": name_of(type(value))[1], **fields} if _is_kind(type(value)) else fields
     if isinstance(value, Mapping):
-        return {str(key): dump(item) for key, item in value.items()}
+        return {str(key): dump(item, name) for key, item in value.items()}
+    if isinstance(value, (np.generic, np.ndarray)):
+        value = plain(value)
     if isinstance(value, (tuple, list)):
-        return [dump(item) for item in value]
+        return [dump(item, name) for item in value]
+    if isinstance(value, float) and math.isnan(value):
+        raise PluginError(f"the parameter '{name}' is NaN, which equals nothing; for none, let it be None")
+    if isinstance(value, float) and math.isinf(value):
+        return str(value)
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
-    raise PluginError(f"a parameter of type {type(value).__name__} cannot be written down")
+    raise PluginError(f"the parameter '{name}' is a {type(value).__name__}, which cannot be written to a file")
 
 
-def restore(group: str, document: dict[str, Any]) -> Any:
+def restore(group: str, document: Mapping[str, Any]) -> Any:
     """Return the object that `dump` wrote. Raises PluginError if the document does not fit the kind."""
-    return _build(load(group, document["kind"]), {key: item for key, item in document.items() if key != "kind"})
+    kind = document.get("kind")
+    if not isinstance(kind, str):
+        raise PluginError(f"a record of one of the {group} names no kind")
+    return _build(load(group, kind), {key: item for key, item in document.items() if key != "kind"})
 
 
 def _is_kind(cls: type) -> bool:
+    """Return whether a dataclass is a kind, and not a part of one that is defined beside it."""
     try:
         name_of(cls)
     except PluginError:
         return False
-    return True
+    return not cls.__name__.startswith("_")
 
 
 def _build(cls: type, document: dict[str, Any]) -> Any:
@@ -121,29 +137,38 @@ def _build(cls: type, document: dict[str, Any]) -> Any:
     unknown = sorted(set(document) - {f.name for f in dataclasses.fields(cls)})
     if unknown:
         raise PluginError(f"{cls.__name__} has no parameter '{unknown[0]}'{nearest(unknown[0], hints)}")
-    needed = [f.name for f in dataclasses.fields(cls) if f.default is f.default_factory is dataclasses.MISSING]
+    needed = [f.name for f in dataclasses.fields(cls) if f.init and f.default is f.default_factory is _MISSING]
     if missing := [name for name in needed if name not in document]:
         raise PluginError(f"{cls.__name__} needs the parameter '{missing[0]}'")
-    return cls(**{name: _revive(hints[name], item) for name, item in document.items()})
+    values = {name: _revive(hints[name], item) for name, item in document.items()}
+    with code_of(cls):
+        return cls(**values)
 
 
 def _revive(annotation: Any, item: Any) -> Any:
     """Return `item` of a document as the type that the field is annotated with."""
+    choices = get_args(annotation) if get_origin(annotation) in (Union, types.UnionType) else (annotation,)
     if isinstance(item, list):
-        return tuple(_revive(None, part) for part in item)
-    if not isinstance(item, dict):
-        return item
-    for choice in _choices(annotation):
-        group = group_of(choice)
+        if not any(isinstance(part, (str, list, dict)) for part in item):
+            return tuple(item)
+        arguments = next((get_args(choice) for choice in choices if get_origin(choice) is tuple), ())
+        inner = arguments if len(arguments) == len(item) and Ellipsis not in arguments else arguments[:1] * len(item)
+        return tuple(_revive(kind, part) for kind, part in zip(inner or (None,) * len(item), item, strict=True))
+    if isinstance(item, dict):
+        return _revive_mapping(annotation, choices, item)
+    return float(item) if item in ("inf", "-inf") and float in choices and str not in choices else item
+
+
+def _revive_mapping(annotation: Any, choices: tuple[Any, ...], item: dict[str, Any]) -> Any:
+    for choice in choices:
+        group, origin = group_of(choice), get_origin(choice)
         if group and "kind" in item:
             return restore(group, item)
         if dataclasses.is_dataclass(choice) and isinstance(choice, type):
             return _build(choice, item)
+        if isinstance(origin, type) and issubclass(origin, Mapping):
+            return {key: _revive(get_args(choice)[1], part) for key, part in item.items()}
     raise PluginError(f"a mapping stands where {annotation} is expected")
-
-
-def _choices(annotation: Any) -> tuple[Any, ...]:
-    return get_args(annotation) if get_origin(annotation) in (Union, types.UnionType) else (annotation,)
 
 
 @cache
@@ -182,73 +207,48 @@ def _by_name(group: str, kind: str) -> type:
         raise PluginError(f"no kind '{kind}' of {group}{nearest(kind, choices)} (known: {listed})")
     try:
         loaded = importlib.import_module(module)
-    except ImportError as error:
-        raise PluginError(f"the kind '{kind}' of {group} cannot be imported: {error}") from error
-    return _check(group, getattr(loaded, attribute) if attribute else _only_class(loaded, module), module)
+    except (Exception, SystemExit) as error:
+        raise PluginError(f"the kind '{kind}' of {group} cannot be imported: {describe(error)}") from error
+    cls = getattr(loaded, attribute, None) if attribute else _only_class(loaded, module)
+    if not isinstance(cls, type) or not dataclasses.is_dataclass(cls):
+        raise PluginError(f"the kind '{kind}' of {group} is {module}:{attribute}, which is not a dataclass")
+    return _check(group, cls)
 
 
 def _from_file(group: str, path: Path) -> type:
-    try:
-        source = path.read_bytes()
-    except OSError as error:
-        raise PluginError(f"{path}: cannot be read: {error.strerror}") from error
+    source = read_bytes(path)
     # The name holds the contents' digest: only a file that changed is loaded anew.
     name = _USER_MODULE + hashlib.sha256(f"{group}:{path}:".encode() + source).hexdigest()[:16]
-    module = sys.modules.get(name) or _execute(name, group, path)
-    return _check(group, _only_class(module, str(path)), str(path))
-
-
-class _FromSource(SourceFileLoader):
-    """Compiles a file each time: Python's cache goes by size and whole seconds, and may hold an older file's code."""
-
-    def get_code(self, fullname: str) -> types.CodeType:
-        return self.source_to_code(self.get_data(self.path), self.path)
-
-
-def _execute(name: str, group: str, path: Path) -> types.ModuleType:
-    if path.suffix != ".py":
-        raise PluginError(f"{path}: is not a Python file")
-    spec = spec_from_file_location(name, path, loader=_FromSource(name, str(path)))
-    assert spec is not None, "a loader was given"
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    module.__dict__["__hilrig_group__"] = group
-    sys.modules[name] = module  # dataclasses and numba look their module up there
-    try:
-        spec.loader.exec_module(module)
-    except SyntaxError as error:
-        del sys.modules[name]
-        raise PluginError(f"{path}:{error.lineno}: {error.msg}") from error
-    except Exception as error:
-        del sys.modules[name]
-        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
-        line = lines[-1] if lines else 1
-        raise PluginError(f"{path}:{line}: {type(error).__name__}: {error}") from error
-    return module
+    module = sys.modules.get(name) or run_file(path, name, __hilrig_group__=group)
+    return _check(group, _only_class(module, str(path)))
 
 
 def _only_class(module: types.ModuleType, where: str) -> type:
     """Return the one public dataclass that `module` defines itself."""
-    found = [
+    classes = [
         item
         for name, item in vars(module).items()
-        if isinstance(item, type) and dataclasses.is_dataclass(item)
-        and item.__module__ == module.__name__ and not name.startswith("_")
-    ]  # fmt: skip
+        if isinstance(item, type) and item.__module__ == module.__name__ and not name.startswith("_")
+    ]
+    found = [item for item in classes if dataclasses.is_dataclass(item)]
     if len(found) != 1:
-        names = ", ".join(item.__name__ for item in found) or "none"
-        raise PluginError(f"{where}: a kind's file defines exactly one public dataclass; found {names}")
+        names = ", ".join(item.__name__ for item in found or classes) or "no class"
+        words = names if found or not classes else f"{names} without @dataclass"
+        raise PluginError(f"{where}: a kind's file defines exactly one public dataclass; this one has {words}")
     return found[0]
 
 
-def _check(group: str, cls: type, where: str) -> type:
-    """Return `cls` if it is frozen and offers all that the group's protocol asks for."""
-    if not dataclasses.is_dataclass(cls) or not cls.__dataclass_params__.frozen:  # pyright: ignore
-        raise PluginError(f"{where}: {cls.__name__} is not a frozen dataclass")
+def _check(group: str, cls: type) -> type:
+    """Return `cls` if it is frozen, offers all that the group's protocol asks for, and can be written to a file."""
+    if not cls.__dataclass_params__.frozen:  # pyright: ignore[reportAttributeAccessIssue]
+        raise PluginError(f"{place_of(cls)}: {cls.__name__} can be changed; make it @dataclass(frozen=True)")
     fields = {f.name for f in dataclasses.fields(cls)}
+    if "kind" in fields:
+        message = "a parameter cannot be called 'kind', the key under which a file names the kind itself; rename it"
+        raise PluginError(f"{place_of(cls, 'kind')}: {message}")
     protocol = PROTOCOLS[group]
     wanted = [name for name in {**vars(protocol), **protocol.__annotations__} if not name.startswith("_")]
     missing = [name for name in wanted if name not in fields and not hasattr(cls, name)]
     if missing:
-        raise PluginError(f"{where}: {cls.__name__} lacks {', '.join(missing)}, which {group} must offer")
+        raise PluginError(f"{place_of(cls)}: {cls.__name__} lacks {', '.join(missing)}, which {group} must offer")
     return cls

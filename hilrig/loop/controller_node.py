@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from hilrig.core.compiler import assembled
 from hilrig.core.errors import HilrigError, Tripped
 from hilrig.core.interfaces import Law
+from hilrig.core.law_memory import memory_sizes
 from hilrig.core.signals import Array
 from hilrig.experiment.trial import Trial, first_state, make_task
 from hilrig.loop.control import ControllerArrays, controller_arrays, controller_template, observing
-from hilrig.loop.law_memory import memory_sizes
 from hilrig.loop.plain_parts import LawParts, law_parts, robot_kernels, wrong_torque
 from hilrig.loop.rows import ControllerRows, StateRows
 

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from hilrig.core.errors import OutOfReach
-from hilrig.core.interfaces import DelayEstimating, DelayEstimation
+from hilrig.core.errors import OutOfReach, PluginError
+from hilrig.core.interfaces import DelayEstimating, DelayEstimation, Law
+from hilrig.core.law_memory import memory_problems
 from hilrig.core.parameters import per_axis
 from hilrig.core.signals import Array, State
 from hilrig.experiment.document import Keys
@@ -19,6 +20,7 @@ from hilrig.experiment.trial import (
     sample_axis,
     start_joint_position,
 )
+from hilrig.kinds.user_files import code_of, place_of
 
 CHECK_EVERY = 0.01
 """s between the instants at which a trajectory is checked against the workspace, besides its extremes"""
@@ -45,8 +47,9 @@ def check_disturbances(trial: Trial) -> None:
     """Raise InfeasibleError if one of the condition's disturbances does not fit the robot."""
     for index, disturbance in enumerate(trial.disturbances):
         try:
-            disturbance_schedule(replace(trial, disturbances=(disturbance,)))
-        except ValueError as error:
+            with code_of(disturbance):
+                disturbance_schedule(replace(trial, disturbances=(disturbance,)))
+        except PluginError as error:
             raise InfeasibleError(("conditions", trial.condition_name, index), str(error)) from error
 
 
@@ -115,11 +118,22 @@ def _check_point(trial: Trial, position: Array, when: str, path: Keys) -> None:
 
 def check_controller(trial: Trial) -> None:
     """Raise InfeasibleError if the controller's parameters do not fit the task, by starting its law once."""
+    path: Keys = ("controllers", trial.controller_name)
+    task, state = make_task(trial), _at_rest(trial)
     try:
-        trial.controller.start(make_task(trial), _at_rest(trial))
-        delay_estimation(trial)
-    except ValueError as error:
-        raise InfeasibleError(("controllers", trial.controller_name), str(error)) from error
+        with code_of(trial.controller):
+            law = trial.controller.start(task, state)
+            if not isinstance(law, Law):
+                raise TypeError(f"start returned a {type(law).__name__}; it must return a Law")
+            delay_estimation(trial)
+    except PluginError as error:
+        raise InfeasibleError(path, str(error)) from error
+    problems = [
+        f"{place_of(type(law.memory), name)}: {text}" if name else text
+        for name, text in memory_problems(law.memory).items()
+    ]
+    if problems:
+        raise InfeasibleError(path, "; ".join(problems))
 
 
 def delay_estimation(trial: Trial) -> DelayEstimation | None:

@@ -16,16 +16,19 @@ from hilrig.experiment.plan.feasibility import (
     sampled,
 )
 from hilrig.experiment.trial import PhaseSpec, TaskSpec, Trial
+from hilrig.kinds.user_files import code_of
 
-if TYPE_CHECKING:  # the rig's processes read trials and do without pydantic
+if TYPE_CHECKING:  # the rig's processes read trials, and do without YAML
     from hilrig.experiment import Experiment
 
 
+@code_of()
 def plan(experiment: Experiment) -> tuple[Trial, ...]:
     """Return the trials in the order in which they are run: by repeat, then condition, then controller.
 
     So an interrupted run has trials that can be compared. Raises ExperimentError, with the place in the file,
-    if a reference leaves the robot's workspace, or a kind's parameters do not fit the task.
+    if a reference leaves the robot's workspace, or a kind's parameters do not fit the task; PluginError if the code of
+    a kind fails otherwise.
     """
     draft = _trials(experiment, 0, (0.0,) * len(experiment.driver.robot.axes))
     try:

@@ -1,4 +1,4 @@
-"""From plain data to checked dataclasses, by pydantic; what a file may hold, for editors and people."""
+"""From plain data to checked dataclasses, by what their fields are annotated with; what a file may hold, described."""
 
 from hilrig.experiment.schema.description import Row as Row
 from hilrig.experiment.schema.description import describe as describe

@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 from typing import Any, NamedTuple, get_args
 
-from hilrig.experiment.schema.fields import bare, settable
-from hilrig.experiment.schema.reading import model_of
+from hilrig.experiment.schema.fields import bare, default, is_required, settable
+from hilrig.experiment.schema.reading import record_schema
 from hilrig.kinds import registry as plugins
+from hilrig.kinds.user_files import code_of
 
 
 class Row(NamedTuple):
@@ -38,7 +39,7 @@ def _rows(cls: type, prefix: str) -> list[Row]:
             continue
         meaning = parameter.meaning or _choices(inner)
         unit = parameter.unit.replace("|", " or ")
-        rows.append(Row(name, unit, _default(field), parameter.low, parameter.high, parameter.scale, meaning))
+        rows.append(Row(name, unit, _default(field, cls), parameter.low, parameter.high, parameter.scale, meaning))
     return rows
 
 
@@ -46,12 +47,11 @@ def _choices(annotation: Any) -> str:
     return " | ".join(str(choice) for choice in get_args(annotation) if isinstance(choice, str))
 
 
-def _default(field: dataclasses.Field[Any]) -> str:
-    if field.default is not dataclasses.MISSING:
-        return _written(field.default)
-    if field.default_factory is not dataclasses.MISSING:
-        return _written(field.default_factory())
-    return "required"
+def _default(field: dataclasses.Field[Any], cls: type) -> str:
+    if is_required(field):
+        return "required"
+    with code_of(cls):
+        return _written(default(field))
 
 
 def _written(value: Any) -> str:
@@ -66,4 +66,4 @@ def _written(value: Any) -> str:
 
 def json_schema(cls: type) -> dict[str, Any]:
     """Return the JSON Schema of the mappings that `read` turns into a `cls`, with every kind there is."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **model_of(cls).model_json_schema()}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **record_schema(cls)}

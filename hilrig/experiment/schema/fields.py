@@ -1,26 +1,28 @@
-"""The fields of a dataclass that a file may set."""
+"""The fields of a dataclass that a file may set, and the object made of them."""
 
 from __future__ import annotations
 
 import dataclasses
+import sys
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
-from hilrig.core.errors import PluginError
-from hilrig.core.parameters import Parameter
+from hilrig.core.errors import PluginError, raised
+from hilrig.core.parameters import Parameter, plain
+from hilrig.kinds.user_files import code_of, place_of
 
 
 def settable(cls: type) -> list[tuple[dataclasses.Field[Any], Any, Parameter]]:
     """Return (field, its annotation, its parameter) for every field of `cls` that a file may set.
 
-    Raises PluginError.
+    Raises PluginError, naming the line, if an annotation cannot be evaluated.
     """
     try:
         hints = get_type_hints(cls, include_extras=True)
-    except NameError as error:
-        raise PluginError(f"a field of {cls.__name__} has an annotation that is not defined: {error}") from error
+    except Exception as error:
+        raise PluginError(_which_annotation(cls, error)) from error
     result = []
     for field in dataclasses.fields(cls):
-        if not field.metadata.get("filled"):
+        if field.init and not field.metadata.get("filled"):
             hint = hints[field.name]
             notes = getattr(hint, "__metadata__", ())
             parameter = next((note for note in notes if isinstance(note, Parameter)), Parameter(""))
@@ -28,17 +30,35 @@ def settable(cls: type) -> list[tuple[dataclasses.Field[Any], Any, Parameter]]:
     return result
 
 
-def names(cls: type) -> list[str]:
-    """Return the names of the fields that a file may set."""
-    return [field.name for field, _, _ in settable(cls)]
+def _which_annotation(cls: type, error: Exception) -> str:
+    for field in dataclasses.fields(cls):
+        try:
+            if isinstance(field.type, str):
+                eval(field.type, dict(vars(sys.modules[cls.__module__])))
+        except Exception as found:
+            return f"{place_of(cls, field.name)}: the annotation of '{field.name}' cannot be evaluated: {raised(found)}"
+    return f"{place_of(cls)}: an annotation of {cls.__name__} cannot be evaluated: {raised(error)}"
+
+
+def made(cls: type, values: dict[str, Any]) -> Any:
+    """Return `cls` with these values and the defaults of the rest, both in Python's own types. Raises PluginError."""
+    with code_of(cls):
+        absent = [field for field in dataclasses.fields(cls) if field.init and field.name not in values]
+        return cls(**values, **{field.name: default(field) for field in absent if not is_required(field)})
+
+
+def default(field: dataclasses.Field[Any]) -> Any:
+    """Return the default of a field that has one."""
+    if field.default_factory is dataclasses.MISSING:
+        return plain(field.default)
+    return plain(field.default_factory())
+
+
+def is_required(field: dataclasses.Field[Any]) -> bool:
+    """Return whether a field has no default."""
+    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
 
 
 def bare(annotation: Any) -> Any:
     """Return an annotation without its notes."""
     return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
-
-
-def meaning(cls: type, name: str) -> str:
-    """Return what a field means, in brackets; empty if that is not written."""
-    text = next(parameter.meaning for field, _, parameter in settable(cls) if field.name == name)
-    return f" ({text})" if text else ""

@@ -1,4 +1,4 @@
-"""Readers of single values, lists and mappings, each with what makes its JSON Schema."""
+"""Readers of single values, lists and mappings."""
 
 from __future__ import annotations
 
@@ -9,15 +9,11 @@ from typing import Any
 from hilrig.core.errors import nearest
 from hilrig.core.parameters import Parameter
 from hilrig.core.quantities import shown
-from hilrig.experiment.schema.terms import Context, Finding, InvalidError
+from hilrig.experiment.schema.terms import Context, Finding, InvalidError, Reader, invalid
 from hilrig.experiment.schema.values import Form, number_schema, read_number
 
-Reader = Callable[[Any, Context], Any]
-Schema = Callable[[], dict[str, Any]]
-"""JSON Schemas are made when they are asked for: reading a file must not load every kind there is."""
 
-
-def number_reader(form: Form, parameter: Parameter) -> tuple[Reader, Schema]:
+def number_reader(form: Form, parameter: Parameter) -> Reader:
     """Return the reader of numbers of a form, with unit and bounds."""
 
     def number(value: Any, context: Context) -> Any:
@@ -25,59 +21,93 @@ def number_reader(form: Form, parameter: Parameter) -> tuple[Reader, Schema]:
         try:
             return read_number(value, form, dataclasses.replace(parameter, unit=unit))
         except ValueError as error:
-            raise InvalidError([Finding((), str(error))]) from error
+            raise invalid(str(error)) from error
 
-    return number, lambda: number_schema(form, parameter)
+    return Reader(number, lambda: number_schema(form, parameter))
 
 
-def choice_reader(choices: tuple[Any, ...]) -> tuple[Reader, Schema]:
+def choice_reader(choices: tuple[Any, ...]) -> Reader:
     """Return the reader of one of several values."""
 
     def choice(value: Any, context: Context) -> Any:
         if any(value == item and type(value) is type(item) for item in choices):
             return value
         allowed = ", ".join(shown(item) for item in choices)
-        raise InvalidError(
-            [Finding((), f"{shown(value)} is not allowed{nearest(str(value), choices)} (allowed: {allowed})")]
-        )
+        raise invalid(f"{shown(value)} is not allowed{nearest(str(value), choices)} (allowed: {allowed})")
 
-    return choice, lambda: {"enum": list(choices)}
+    return Reader(choice, lambda: {"enum": list(choices)})
 
 
-def plain_reader(wanted: type) -> tuple[Reader, Schema]:
+def plain_reader(wanted: type) -> Reader:
     """Return the reader of a bool or a str."""
-    name, schema = ("true or false", "boolean") if wanted is bool else ("a text", "string")
+    name, schema = ("true or false", "boolean") if wanted is bool else ("a text; put it in quotes", "string")
 
     def plain(value: Any, context: Context) -> Any:
         if not isinstance(value, wanted):
-            raise InvalidError([Finding((), f"{shown(value)} is not {name}")])
+            raise invalid(f"{shown(value)} is not {name}")
         return value
 
-    return plain, lambda: {"type": schema}
+    return Reader(plain, lambda: {"type": schema})
 
 
-def read_sequence(reader: Reader, value: Any, context: Context) -> tuple[Any, ...]:
-    """Return a list's items as `reader` reads them. Raises InvalidError."""
+def list_reader(inner: Reader) -> Reader:
+    """Return the reader of a list of any length."""
+    return Reader(
+        lambda value, context: tuple(_each(enumerate(_list(value)), inner.read, context).values()),
+        lambda: {"type": "array", "items": inner.schema()},
+    )
+
+
+def fixed_list_reader(inner: tuple[Reader, ...]) -> Reader:
+    """Return the reader of a list with one item for each of these readers."""
+
+    def items(value: Any, context: Context) -> tuple[Any, ...]:
+        if len(_list(value)) != len(inner):
+            raise invalid(f"{shown(value)} is not allowed; this needs a list of {len(inner)}")
+        pairs = enumerate(zip(inner, value, strict=True))
+        return tuple(_each(pairs, lambda pair, context: pair[0].read(pair[1], context), context).values())
+
+    def schema() -> dict[str, Any]:
+        first = [one.schema() for one in inner]
+        return {"type": "array", "prefixItems": first, "items": False, "minItems": len(first)}
+
+    return Reader(items, schema)
+
+
+def _list(value: Any) -> list[Any]:
     if not isinstance(value, list):
-        raise InvalidError([Finding((), f"{shown(value)} is not a list; write [...], or one '- ' a line")])
-    return tuple(_each(enumerate(value), reader, context).values())
+        raise invalid(f"{shown(value)} is not a list; write [...], or one '- ' a line")
+    return value
 
 
-def read_mapping(reader: Reader, value: Any, context: Context) -> dict[str, Any]:
-    """Return a mapping with its values as `reader` reads them. Raises InvalidError."""
-    if not isinstance(value, dict):
-        raise InvalidError([Finding((), f"{shown(value)} is not a mapping of names to values")])
-    return _each(value.items(), reader, context)
+def mapping_reader(inner: Reader) -> Reader:
+    """Return the reader of a mapping from names to values."""
+
+    def mapping(value: Any, context: Context) -> dict[str, Any]:
+        if not isinstance(value, dict):
+            raise invalid(f"{shown(value)} is not a mapping of names to values")
+        return _each(value.items(), inner.read, context)
+
+    return Reader(mapping, lambda: {"type": "object", "additionalProperties": inner.schema()})
 
 
-def _each(items: Any, reader: Reader, context: Context) -> dict[Any, Any]:
-    """Return what `reader` makes of each item; all that is wrong with any of them is raised together."""
-    result, findings = {}, []
+def optional_reader(inner: Reader) -> Reader:
+    """Return the reader of what `inner` reads, or of nothing."""
+    return Reader(
+        lambda value, context: None if value is None else inner.read(value, context),
+        lambda: {"anyOf": [inner.schema(), {"type": "null"}]},
+    )
+
+
+def _each(items: Any, read: Callable[[Any, Context], Any], context: Context) -> dict[Any, Any]:
+    """Return what `read` makes of each item; all that is wrong with any of them is raised together."""
+    result: dict[Any, Any] = {}
+    findings: list[Finding] = []
     for key, item in items:
         try:
-            result[key] = reader(item, context)
+            result[key] = read(item, context)
         except InvalidError as error:
-            findings += [finding._replace(path=(key, *finding.path)) for finding in error.findings]
+            findings += error.below(key)
     if findings:
         raise InvalidError(findings)
     return result

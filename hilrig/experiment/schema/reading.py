@@ -1,174 +1,201 @@
-"""Data in, dataclasses out: the frozen dataclasses with annotated parameters become pydantic models.
+"""Data in, dataclasses out, by the annotations of their fields.
 
-Kinds and the parts of an experiment are plain dataclasses and know nothing of pydantic. Here each becomes a
-model that forbids other keys, takes quantities with units, and keeps the bounds of its parameters.
+Kinds and the parts of an experiment are plain frozen dataclasses. A mapping of the file has no keys but their fields,
+quantities may carry units, and every value keeps the bounds of its `Parameter`.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import types
+import unicodedata
 from collections.abc import Mapping
 from functools import cache, partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
-
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, create_model
-from pydantic_core import PydanticCustomError
+from typing import Any, Literal, Union, get_args, get_origin
 
 from hilrig.core.errors import Place, PluginError, nearest
 from hilrig.core.parameters import Parameter
-from hilrig.core.quantities import shown
+from hilrig.core.quantities import shortened, shown
 from hilrig.core.text import NotUtf8Error, decoded
-from hilrig.experiment.document import Keys
-from hilrig.experiment.schema.fields import bare, meaning, names, settable
+from hilrig.experiment.schema.fields import bare, is_required, made, settable
 from hilrig.experiment.schema.leaves import (
-    Reader,
-    Schema,
     choice_reader,
+    fixed_list_reader,
+    list_reader,
+    mapping_reader,
     number_reader,
+    optional_reader,
     plain_reader,
-    read_mapping,
-    read_sequence,
 )
-from hilrig.experiment.schema.terms import ONLY_AXIS, ByAxis, Context, Finding, InvalidError, Later
+from hilrig.experiment.schema.terms import ONLY_AXIS, ByAxis, Context, Finding, InvalidError, Later, Reader, invalid
 from hilrig.experiment.schema.values import numeric_form
 from hilrig.kinds import registry as plugins
+from hilrig.kinds.user_files import code_of, place_of, read_bytes
 
-MAX_TABLE_BYTES = 64 << 20
+TYPES = "float, int, bool, str, Literal, None, tuples and mappings of these, a frozen dataclass, or a kind"
+"""What a parameter may be annotated with"""
 
 
 def read(cls: type, data: Any, context: Context) -> Any:
-    """Return an instance of the dataclass `cls` made from `data`. Raises InvalidError."""
+    """Return an instance of the dataclass `cls` made from `data`. Raises InvalidError with all that is wrong."""
+    readers = readers_of(cls)
     if not isinstance(data, dict):
-        raise InvalidError(
-            [Finding((), f"{shown(data)} is not a mapping; this needs one with {', '.join(names(cls))}")]
-        )
-    model = model_of(cls)
+        raise invalid(f"{shown(data)} is not a mapping; this needs one with {', '.join(readers)}")
+    values: dict[str, Any] = {}
+    findings: list[Finding] = []
+    given: set[str] = set()
+    for key, item in data.items():
+        name = unicodedata.normalize("NFKC", key)  # as Python does with the names of fields
+        try:
+            if name not in readers or name in given:
+                findings.append(Finding((key,), _refused_key(key, tuple(readers)), on_key=True))
+            else:
+                values[name] = readers[name].read(item, context)
+        except InvalidError as error:
+            findings += error.below(key)
+        given.add(name)
+    for field, _, parameter in settable(cls):
+        if is_required(field) and field.name not in given:
+            meaning = f" ({parameter.meaning})" if parameter.meaning else ""
+            findings.append(Finding((), f"'{field.name}' is missing{meaning}"))
+    if findings:
+        raise InvalidError(findings)
     try:
-        values = model.model_validate(data, context={"hilrig": context})
-    except ValidationError as error:
-        raise InvalidError(_findings(error, cls)) from error
-    try:
-        return cls(**{name: getattr(values, name) for name in values.model_fields_set})
-    except ValueError as error:
-        raise InvalidError([Finding((), str(error))]) from error
+        return made(cls, values)
+    except PluginError as error:
+        raise invalid(str(error)) from error
 
 
-def _kind(group: str, allowed: type | None, data: Any, context: Context) -> Any:
-    """Return the kind of `group` that `data`, a mapping with `kind` and parameters, describes.
+def _refused_key(key: str, known: tuple[str, ...]) -> str:
+    if unicodedata.normalize("NFKC", key) in known:
+        return f"the key '{key}' is here twice, in two spellings"
+    return f"unknown key '{key}'{nearest(key, known)}" + (f" (allowed: {', '.join(known)})" if known else "")
 
-    Raises InvalidError.
-    """
-    known = plugins.kinds(group)
+
+@cache
+def readers_of(cls: type) -> dict[str, Reader]:
+    """Return how each field of a dataclass is read. Raises PluginError for one of a type that no file can give."""
+    found: dict[str, Reader] = {}
+    for field, annotation, parameter in settable(cls):
+        try:
+            found[field.name] = _reader(annotation, parameter)
+        except TypeError as error:
+            message = f"the parameter '{field.name}' cannot be a {error}; it can be {TYPES}"
+            raise PluginError(f"{place_of(cls, field.name)}: {message}") from error
+    return found
+
+
+def _reader(annotation: Any, parameter: Parameter) -> Reader:
+    """Return what reads a value of this annotation. Raises TypeError for a type that no file can give."""
+    by_axis = next((note for note in getattr(annotation, "__metadata__", ()) if isinstance(note, ByAxis)), None)
+    if by_axis is not None:
+        return _by_axis_reader(by_axis.unit)
+    inner = bare(annotation)
+    if inner == Later:
+        return Reader(lambda value, context: value, lambda: {"type": ["number", "string"]})
+    form = numeric_form(inner)
+    if form is not None:
+        return number_reader(form, parameter)
+    if get_origin(inner) in (Union, types.UnionType):
+        choices = [choice for choice in get_args(inner) if choice is not types.NoneType]
+        if len(choices) == 1:
+            return optional_reader(_reader(choices[0], parameter))
+    if get_origin(inner) is Literal:
+        return choice_reader(get_args(inner))
+    return plain_reader(inner) if inner in (bool, str) else _structure_reader(inner, parameter)
+
+
+def _structure_reader(annotation: Any, parameter: Parameter) -> Reader:
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is tuple and len(arguments) == 2 and arguments[1] is Ellipsis:
+        return list_reader(_reader(arguments[0], parameter))
+    if origin is tuple and arguments:
+        return fixed_list_reader(tuple(_reader(item, parameter) for item in arguments))
+    if isinstance(origin, type) and issubclass(origin, Mapping) and arguments[0] is str:
+        return mapping_reader(_reader(arguments[1], parameter))
+    group = plugins.group_of(annotation)
+    if group is not None:
+        allowed = None if annotation is plugins.PROTOCOLS[group] else annotation
+        return Reader(partial(_read_kind, group, allowed), partial(_kinds_schema, group, allowed))
+    if dataclasses.is_dataclass(annotation) and isinstance(annotation, type):
+        return Reader(partial(read, annotation), partial(record_schema, annotation))
+    raise TypeError(getattr(annotation, "__name__", annotation))
+
+
+def _by_axis_reader(unit: str) -> Reader:
+    one = Reader(partial(_read_kind, "references", None), partial(_kinds_schema, "references", None))
+    each = mapping_reader(one)
+
+    def by_axis(value: Any, context: Context) -> dict[str, Any]:
+        context = context._replace(unit=unit)
+        if isinstance(value, dict) and "kind" not in value:
+            return each.read(value, context)
+        return {ONLY_AXIS: one.read(value, context)}
+
+    return Reader(by_axis, lambda: {"anyOf": [one.schema(), each.schema()]})
+
+
+def _read_kind(group: str, allowed: type | None, data: Any, context: Context) -> Any:
+    """Return the kind of `group` that `data`, a mapping with `kind` and parameters, describes. Raises InvalidError."""
+    known = ", ".join(plugins.kinds(group))
     if not isinstance(data, dict) or "kind" not in data:
         found = "'kind' is missing" if isinstance(data, dict) else f"{shown(data)} is not a mapping with 'kind'"
-        raise InvalidError([Finding((), f"{found}; kinds of {group}: {', '.join(known)}")])
+        raise invalid(f"{found}; kinds of {group}: {known}")
     kind = data["kind"]
     if not isinstance(kind, str):
-        raise InvalidError([Finding(("kind",), f"{shown(kind)} is not a kind of {group} (known: {', '.join(known)})")])
+        raise invalid(f"{shown(kind)} is not a kind of {group} (known: {known})", "kind")
     try:
         cls = plugins.load(group, kind, context.base)
+        if allowed is not None and not issubclass(cls, allowed):
+            raise PluginError(f"'{kind}' cannot be used here; this needs '{plugins.name_of(allowed)[1]}'")
+        result = read(cls, {key: item for key, item in data.items() if key != "kind"}, context)
+        _check_record(group, result)
     except PluginError as error:
-        raise InvalidError([Finding(("kind",), str(error))]) from error
-    if allowed is not None and not issubclass(cls, allowed):
-        raise InvalidError(
-            [Finding(("kind",), f"{kind!r} does not do here; this needs '{plugins.name_of(allowed)[1]}'")]
-        )
-    try:
-        made = read(cls, {key: item for key, item in data.items() if key != "kind"}, context)
-    except PluginError as error:  # a field of a type that no file can give
-        raise InvalidError([Finding(("kind",), f"{kind}: {error}")]) from error
-    return _filled(made, context.base) if hasattr(cls, "reads") else made
+        raise invalid(str(error), "kind") from error
+    return _filled(result, context.base) if hasattr(cls, "reads") else result
+
+
+def _check_record(group: str, kind: Any) -> None:
+    """Raise PluginError unless the processes of a trial, which read it from a file, get the kind as it is here."""
+    cls, document = type(kind), plugins.dump(kind)
+    again = plugins.dump(plugins.restore(group, document))
+    for name, value in document.items():
+        if again[name] != value:
+            before, after = shortened(repr(value)), shortened(repr(again[name]))
+            message = f"the parameter '{name}' is {before} here and would be {after} in the processes of a trial"
+            raise PluginError(f"{place_of(cls, name)}: {message}; __post_init__ must not change a value twice")
 
 
 def _filled(kind: Any, base: Path) -> Any:
     """Return a kind that takes its data from a file, with these data."""
     field = type(kind).reads
-    path = base / getattr(kind, field)
     try:
-        if path.stat().st_size > MAX_TABLE_BYTES:
-            raise ValueError(f"{path} is larger than {MAX_TABLE_BYTES >> 20} MiB")
-        return kind.filled(decoded(path.read_bytes()))
-    except OSError as error:
-        raise InvalidError([Finding((field,), f"{path} cannot be read: {error.strerror}")]) from error
+        with code_of(kind):
+            text = _text(base / getattr(kind, field))
+            return kind.filled(text)
+    except PluginError as error:
+        raise invalid(str(error), field) from error
+
+
+def _text(path: Path) -> str:
+    try:
+        return decoded(read_bytes(path))
     except NotUtf8Error as error:
-        raise InvalidError([Finding((field,), f"{Place(str(path), error.line, error.column)}: {error}")]) from error
-    except ValueError as error:
-        raise InvalidError([Finding((field,), str(error))]) from error
+        raise PluginError(f"{Place(str(path), error.line, error.column)}: {error}") from error
 
 
-@cache
-def model_of(cls: type) -> type[BaseModel]:
-    """Return the pydantic model of a dataclass."""
-    fields: dict[str, Any] = {}
-    for field, annotation, parameter in settable(cls):
-        required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-        note = Field(... if required else None, description=parameter.meaning or None)
-        fields[field.name] = (_type(annotation, parameter), note)
-    config = ConfigDict(extra="forbid", strict=True, frozen=True, protected_namespaces=())
-    return create_model(cls.__name__, __config__=config, **fields)
+def record_schema(cls: type) -> dict[str, Any]:
+    """Return the JSON Schema of the mappings that `read` turns into a `cls`."""
+    readers, properties, required = readers_of(cls), {}, []
+    for field, _, parameter in settable(cls):
+        described = {"description": parameter.meaning} if parameter.meaning else {}
+        properties[field.name] = {**readers[field.name].schema(), **described}
+        required += [field.name] if is_required(field) else []
+    return {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
 
 
-@dataclasses.dataclass(frozen=True)
-class _JsonSchema:
-    """Tells pydantic the JSON Schema of a field that it cannot know."""
-
-    make: Schema
-
-    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:
-        return self.make()
-
-
-def _type(annotation: Any, parameter: Parameter) -> Any:
-    """Return the pydantic type that reads a field so annotated."""
-    reader, schema = _reader(annotation, parameter)
-
-    def validate(value: Any, info: Any) -> Any:
-        try:
-            return reader(value, info.context["hilrig"])
-        except InvalidError as error:
-            raise PydanticCustomError("findings", "see findings", {"findings": error.findings}) from error
-
-    return Annotated[Any, PlainValidator(validate), _JsonSchema(schema)]
-
-
-def _reader(annotation: Any, parameter: Parameter) -> tuple[Reader, Schema]:
-    """Return what reads a value of this annotation, and what makes its JSON Schema."""
-    notes = getattr(annotation, "__metadata__", ())
-    if any(isinstance(note, ByAxis) for note in notes):
-        return _by_axis(next(note for note in notes if isinstance(note, ByAxis)))
-    inner = bare(annotation)
-    if inner == Later:
-        return lambda value, context: value, lambda: {"type": ["number", "string"]}
-    form = numeric_form(inner)
-    if form is not None:
-        return number_reader(form, parameter)
-    if get_origin(inner) in (Union, types.UnionType):
-        return _optional(inner, parameter)
-    if get_origin(inner) is Literal:
-        return choice_reader(get_args(inner))
-    return plain_reader(inner) if inner in (bool, str) else _structure(inner, parameter)
-
-
-def _structure(annotation: Any, parameter: Parameter) -> tuple[Reader, Schema]:
-    origin, arguments = get_origin(annotation), get_args(annotation)
-    if origin is tuple:
-        inner, schema = _reader(arguments[0], parameter)
-        return partial(read_sequence, inner), lambda: {"type": "array", "items": schema()}
-    if isinstance(origin, type) and issubclass(origin, Mapping):
-        inner, schema = _reader(arguments[1], parameter)
-        return partial(read_mapping, inner), lambda: {"type": "object", "additionalProperties": schema()}
-    group = plugins.group_of(annotation)
-    if group is not None:
-        allowed = None if annotation is plugins.PROTOCOLS[group] else annotation
-        return partial(_kind, group, allowed), lambda: kinds_schema(group, allowed)
-    if dataclasses.is_dataclass(annotation) and isinstance(annotation, type):
-        return partial(read, annotation), lambda: model_of(annotation).model_json_schema()
-    raise PluginError(f"a parameter cannot be of the type {annotation}")
-
-
-def kinds_schema(group: str, allowed: type | None = None) -> dict[str, Any]:
+def _kinds_schema(group: str, allowed: type | None) -> dict[str, Any]:
     """Return the JSON Schema of a mapping with `kind`: one choice for each kind that can be loaded."""
     choices: list[dict[str, Any]] = []
     for kind in plugins.kinds(group):
@@ -177,62 +204,13 @@ def kinds_schema(group: str, allowed: type | None = None) -> dict[str, Any]:
         except PluginError:  # an optional package is missing; its kinds cannot be used either
             continue
         if allowed is None or issubclass(cls, allowed):
-            choices.append(_kind_schema({"const": kind}, cls))
-    by_path = {
-        "type": "object",
-        "required": ["kind"],
-        "properties": {"kind": {"type": "string", "pattern": r"\.py$"}},
-    }
-    return {"oneOf": [*choices, by_path] if allowed is None else choices}
+            choices.append(_kind_schema({"const": kind}, record_schema(cls), cls.__doc__ or ""))
+    if allowed is None:
+        anything = {"type": "object", "properties": {}, "required": []}
+        choices.append(_kind_schema({"type": "string", "pattern": r"(\.py$)|/"}, anything, "A file of your own."))
+    return {"oneOf": choices}
 
 
-def _kind_schema(kind: dict[str, Any], cls: type) -> dict[str, Any]:
-    schema = model_of(cls).model_json_schema()
-    return {
-        **schema,
-        "description": (cls.__doc__ or "").strip(),
-        "properties": {"kind": kind, **schema.get("properties", {})},
-        "required": ["kind", *schema.get("required", [])],
-    }
-
-
-def _optional(annotation: Any, parameter: Parameter) -> tuple[Reader, Schema]:
-    (inner,) = [choice for choice in get_args(annotation) if choice is not types.NoneType]
-    reader, schema = _reader(inner, parameter)
-    return (
-        lambda value, context: None if value is None else reader(value, context),
-        lambda: {"anyOf": [schema(), {"type": "null"}]},
-    )
-
-
-def _by_axis(mark: ByAxis) -> tuple[Reader, Schema]:
-    def by_axis(value: Any, context: Context) -> dict[str, Any]:
-        reference = partial(_kind, "references", None)
-        if isinstance(value, dict) and "kind" not in value:
-            return read_mapping(reference, value, context._replace(unit=mark.unit))
-        return {ONLY_AXIS: reference(value, context._replace(unit=mark.unit))}
-
-    def schema() -> dict[str, Any]:
-        one = kinds_schema("references")
-        return {"anyOf": [one, {"type": "object", "additionalProperties": one}]}
-
-    return by_axis, schema
-
-
-def _findings(error: ValidationError, cls: type) -> list[Finding]:
-    """Return what a model found wrong, in the words of this project."""
-    allowed_names = names(cls)
-    result: list[Finding] = []
-    for item in error.errors():
-        path: Keys = item["loc"]
-        if item["type"] == "findings":
-            result += [found._replace(path=(*path, *found.path)) for found in item.get("ctx", {})["findings"]]
-        elif item["type"] == "extra_forbidden":
-            key = str(path[-1])
-            allowed = f" (allowed: {', '.join(allowed_names)})" if allowed_names else " (there are none)"
-            result.append(Finding(path, f"unknown key '{key}'{nearest(key, allowed_names)}{allowed}", on_key=True))
-        elif item["type"] == "missing":
-            result.append(Finding(path[:-1], f"'{path[-1]}' is missing{meaning(cls, str(path[-1]))}"))
-        else:
-            result.append(Finding(path, item["msg"]))
-    return result
+def _kind_schema(kind: dict[str, Any], record: dict[str, Any], text: str) -> dict[str, Any]:
+    properties, required = {"kind": kind, **record["properties"]}, ["kind", *record["required"]]
+    return {**record, "description": text.strip(), "properties": properties, "required": required}

@@ -1,10 +1,11 @@
-"""Words of the schema: what is found wrong, what values are read with, and marks on fields."""
+"""Words of the schema: what is found wrong, what values are read with and by, and marks on fields."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from hilrig.experiment.document import Keys
 
@@ -24,6 +25,15 @@ class InvalidError(Exception):
         self.findings = findings
         super().__init__("; ".join(finding.message for finding in findings))
 
+    def below(self, key: str | int) -> list[Finding]:
+        """Return the findings as they are seen from what holds the data under `key`."""
+        return [finding._replace(path=(key, *finding.path)) for finding in self.findings]
+
+
+def invalid(message: str, *path: str | int) -> InvalidError:
+    """Return the error of one finding."""
+    return InvalidError([Finding(path, message)])
+
 
 class Context(NamedTuple):
     """What values are read with."""
@@ -32,6 +42,15 @@ class Context(NamedTuple):
     """Folder that relative paths start from"""
     unit: str = ""
     """What the unit "m|N" stands for: "m" for a position, "N" for a force"""
+
+
+class Reader(NamedTuple):
+    """How one field is read."""
+
+    read: Callable[[Any, Context], Any]
+    """Returns what the field gets for a value of the file. Raises InvalidError"""
+    schema: Callable[[], dict[str, Any]]
+    """Makes the JSON Schema of the values it takes; called when asked for, as it loads every kind there is"""
 
 
 @dataclass(frozen=True)

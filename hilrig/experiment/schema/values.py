@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import types
 from typing import Any, NamedTuple, Union, get_args, get_origin
 
 from hilrig.core.parameters import Parameter
 from hilrig.core.quantities import described, quantity, shown
+
+LARGEST = 2**63 - 1
+"""Of whole numbers: compiled code and ROS 2 messages have 64 bits for them"""
 
 
 class Form(NamedTuple):
@@ -63,7 +68,7 @@ def read_number(value: Any, form: Form, parameter: Parameter) -> Any:
         if not form.several:
             raise ValueError(f"{shown(value)} is not one value; this needs {_described(form, parameter)}")
         if form.length not in (None, len(value)):
-            raise ValueError(f"{shown(value)} does not do; this needs a list of {form.length}")
+            raise ValueError(f"{shown(value)} is not allowed; this needs a list of {form.length}")
         if not value:
             raise ValueError("the list is empty")
         return tuple(_one(item, form, parameter) for item in value)
@@ -78,10 +83,16 @@ def _one(value: Any, form: Form, parameter: Parameter) -> float | int:
         if isinstance(value, bool) or not isinstance(value, int):
             raise ValueError(f"{shown(value)} is not a whole number; this needs {_described(form, parameter)}")
         number: float | int = value
+        low, high = max(parameter.low, -LARGEST), min(parameter.high, LARGEST)
     else:
-        number = quantity(value, parameter.unit)
-    if not parameter.low <= number <= parameter.high:
-        raise ValueError(f"{shown(value)} is not allowed; this needs {_described(form, parameter)}")
+        number, low, high = quantity(value, parameter.unit), parameter.low, parameter.high
+    for bound in (low, high):
+        # "135 deg" is one rounding away from a bound that was worked out as 3 / 4 * pi.
+        if isinstance(number, float) and math.isclose(number, bound, rel_tol=1e-15):
+            number = float(bound)
+    if not low <= number <= high:
+        allowed = dataclasses.replace(parameter, low=low, high=high)
+        raise ValueError(f"{shown(value)} is not allowed; this needs {_described(form, allowed)}")
     return number
 
 

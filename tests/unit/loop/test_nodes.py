@@ -14,6 +14,7 @@ from hilrig_drivers.two_link import TwoLink
 from hilrig.core.compiler import kernel
 from hilrig.core.errors import PluginError, Stopped, Tripped
 from hilrig.core.interfaces import Law, Task
+from hilrig.core.law_memory import memory_sizes
 from hilrig.core.signals import Array, Reference, State
 from hilrig.experiment.trial import Limits, PhaseSpec, Trial, references
 from hilrig.kinds.actuation import Actuation
@@ -24,7 +25,6 @@ from hilrig.kinds.disturbances.sensor_bias import SensorBias
 from hilrig.kinds.references.hold import Hold
 from hilrig.kinds.references.sine import Sine
 from hilrig.loop.control import filter_velocity, limit
-from hilrig.loop.law_memory import memory_sizes
 from hilrig.loop.ticks import do_ticks
 
 
