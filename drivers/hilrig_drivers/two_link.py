@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -33,14 +33,11 @@ class TwoLink(PlanarArm):
 
     F_e is the contact of `surface` (normal along the last task axis) plus any external tip force;
     F(q') = f tanh(q'/5e-3) + b q', with `coulomb` f and `viscous` b per joint.
-    `coriolis` = printed takes the paper's C, whose second row is [0, h q2'] instead of [h q1', 0], h = m2 c2 l1 sin q2:
-    M' - 2C is then not skew-symmetric, and the arm makes and loses energy of itself.
     """
 
     capabilities: ClassVar[Capabilities] = Capabilities(("lockstep", "realtime"), PLANT_INPUTS, simulated=True)
 
     substep: Annotated[float, Parameter("s", "integration step, at most", 1e-6, 1e-2, "log")] = 2.5e-4
-    coriolis: Literal["passive", "printed"] = "passive"
 
     def begin(self, begin: TrialStart) -> TwoLinkPlant:
         """Return the arm at rest, held there by its motors."""
@@ -51,7 +48,6 @@ class Model(NamedTuple):
     """What does not change during a trial."""
 
     arm: Constants
-    printed_coriolis: bool
     substep: float
     """s"""
     steps: int
@@ -63,7 +59,7 @@ class TwoLinkPlant:
 
     def __init__(self, driver: TwoLink, begin: TrialStart) -> None:
         steps = max(1, int(np.ceil(begin.period / driver.substep - 1e-9)))
-        self._model = Model(driver.constants(), driver.coriolis == "printed", begin.period / steps, steps)
+        self._model = Model(driver.constants(), begin.period / steps, steps)
         self._state = np.concatenate([begin.joint_position, np.zeros(4)])
         self._begun = False
 
@@ -184,6 +180,12 @@ def inertia(c: Constants, at: Pose) -> tuple[float, float, float, float]:
 
 
 @kernel
+def coriolis(h: float, rate1: float, rate2: float) -> Pair:
+    """Return C q', N m, with C = h [[-q2', -q1' - q2'], [q1', 0]]."""
+    return -h * rate2 * (2.0 * rate1 + rate2), h * rate1 * rate1
+
+
+@kernel
 def holding_torque(model: Model, state: Array, disturbance: PlantDisturbance) -> Array:
     """Return the torque G + J^T F_e that holds the arm at rest, (2,) N m."""
     c, at = model.arm, pose(state[0], state[1])
@@ -202,8 +204,7 @@ def rates(model: Model, held: Held, after: float, s: Four) -> tuple[Four, Pair]:
     speed = (row_x[0] * rate1 + row_x[1] * rate2, row_z[0] * rate1 + row_z[1] * rate2)
     force, load = exerted(held.surface, held.push, after, place, speed), weight(c, at)
     m11, m12, m22, h = inertia(c, at)
-    coriolis1 = -h * rate2 * (2.0 * rate1 + rate2)
-    coriolis2 = h * rate2 * rate2 if model.printed_coriolis else h * rate1 * rate1
+    coriolis1, coriolis2 = coriolis(h, rate1, rate2)
     motor1 = motor_torque(c.servo, torque[0], reference[0], q1, rate1, load[0])
     motor2 = motor_torque(c.servo, torque[1], reference[1], q2, rate2, load[1])
     net1 = motor1 - load[0] - coriolis1 - friction(c, scale, 0, rate1) - row_x[0] * force[0] - row_z[0] * force[1]

@@ -27,15 +27,17 @@ _DOCUMENTED = re.compile(r"^.*,\s*\([^()]*\)\s*(?P<unit>.*)$", re.DOTALL)
 def memory_documents(kind: str) -> dict[str, str]:
     """Return what the source of a controller's kind says below each field of its class `Memory`, by field.
 
-    Empty where the kind cannot be loaded any more or has no such class.
+    A kind that builds on another has the other's, unless its own file has one. Empty where the kind can no longer be
+    loaded or has no such class.
     """
     try:
-        module = inspect.getmodule(plugins.load("controllers", kind, None))
-        tree = ast.parse(inspect.getsource(module)) if module else ast.parse("")
+        modules = dict.fromkeys(inspect.getmodule(cls) for cls in inspect.getmro(plugins.load("controllers", kind)))
+        trees = [ast.parse(inspect.getsource(module)) for module in modules if module and module.__name__ != "builtins"]
     except (HilrigError, OSError, TypeError, SyntaxError):
         return {}
-    bodies = [node.body for node in tree.body if isinstance(node, ast.ClassDef) and node.name == "Memory"]
-    pairs = [pair for body in bodies for pair in itertools.pairwise(body)]
+    nodes = [node for tree in trees for node in tree.body]
+    bodies = [node.body for node in nodes if isinstance(node, ast.ClassDef) and node.name == "Memory"]
+    pairs = [pair for body in bodies[:1] for pair in itertools.pairwise(body)]
     return {
         field.target.id: inspect.cleandoc(text.value.value)
         for field, text in pairs

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -24,13 +24,9 @@ class TdeSlidingMode:
     alpha_1' = k_1 |xi| while it is at or below its floor, or xi moves outward and alpha_2, alpha_3 are above theirs;
     alpha_1' = -k_2 |xi| otherwise, to zero at least; alpha_2' = -1/alpha_2, alpha_3' = -|xi|/alpha_3, to their floors.
 
-    Source: paper eqs. (8), (10), (11), (15), read so that they are stable. What the paper prints instead is an option:
-    estimator = desired:    S_hat = J^-T tau_l - Mhat a_d,l, the desired acceleration one period ago;
-    lyapunov = transposed:  P solves A P + P A^T = -I: p12 = -1/2, p22 = (1 + k_p)/(2 k_d);
-    feedback = positive:    u has -k_d e' - k_p e; P stays that of k_d, k_p > 0;
-    switching = printed:    xi / mu while |xi| <= mu, tanh(xi) beyond, in place of tanh(xi / mu);
-    adaptation = printed:   alpha_1 falls only while xi moves inward and alpha_2, alpha_3 are at their floors.
-    The paper does not say where S_hat starts: from the torque that holds the arm, or with preload = false from zero.
+    The paper does not say where S_hat starts: from the torque that holds the arm, or from zero with preload = false.
+
+    Source: paper eqs. (8), (10), (11), (15), read so that they are stable; docs/paper.md lists what is misprinted.
     """
 
     inertia_estimate: Annotated[PerAxis, Parameter("kg", "Mhat, diagonal", 1e-5, 1e3, "log")] = 0.03
@@ -50,23 +46,16 @@ class TdeSlidingMode:
         0.5,
         0.5,
     )
-    estimator: Annotated[Literal["measured", "desired"], Parameter("", "acceleration in S_hat")] = "measured"
-    lyapunov: Annotated[Literal["solved", "transposed"], Parameter("", "equation that P solves")] = "solved"
-    feedback: Annotated[Literal["negative", "positive"], Parameter("", "of k_p e + k_d e'")] = "negative"
-    switching: Annotated[Literal["smooth", "printed"], Parameter("", "robust term at its boundary")] = "smooth"
-    adaptation: Annotated[Literal["complete", "printed"], Parameter("", "cases of alpha_1'")] = "complete"
     preload: Annotated[bool, Parameter("", "whether S_hat starts from the holding torque")] = True
 
     def start(self, task: Task, state: State) -> Law:
-        """Return the law, its filter at the measured state and its estimate as `preload` says."""
+        """Return the law, with its filter at the measured state and its estimate as `preload` says."""
         m = len(task.axes)
-        sign = 1.0 if self.feedback == "negative" else -1.0
         p12, p22 = self.surface_gains()
         constants = Constants(
             task.impedance, per_axis(self.inertia_estimate, m, "inertia_estimate"),
-            sign * self.position_gain, sign * self.velocity_gain, p12, p22,
+            self.position_gain, self.velocity_gain, p12, p22,
             self.robust_gain, self.boundary, self.growth, self.decay, np.array(self.gains_floor),
-            self.estimator == "desired", self.switching == "printed", self.adaptation == "printed",
         )  # fmt: skip
         alpha_1, alpha_2, alpha_3 = (np.array([alpha]) for alpha in self.gains_start)
         memory = Memory(
@@ -84,8 +73,6 @@ class TdeSlidingMode:
     def surface_gains(self) -> tuple[float, float]:
         """Return p12 (s^2) and p22 (s) of xi = p12 e + p22 e', the second row of P."""
         kp, kd = self.position_gain, self.velocity_gain
-        if self.lyapunov == "transposed":
-            return -0.5, (1 + kp) / (2 * kd)
         return 1 / (2 * kp), (1 + 1 / kp) / (2 * kd)
 
 
@@ -103,10 +90,6 @@ class Constants(NamedTuple):
     growth: float
     decay: float
     gains_floor: Array
-    estimates_from_desired: bool
-    """Whether S_hat takes a_d one period ago; else the measured acceleration"""
-    switches_as_printed: bool
-    adapts_as_printed: bool
 
 
 class Memory(NamedTuple):
@@ -157,13 +140,15 @@ def estimate(c: Constants, memory: Memory, state: State, lever: Array) -> None:
         memory.estimate[i] = memory.torque_share[0] * state.torque[i]
     eliminate(lever, memory.estimate)
     for i in range(memory.estimate.size):
-        if c.estimates_from_desired:
-            acceleration = memory.desired_acceleration[i]
-        else:
-            acceleration = (state.velocity[i] - memory.last_velocity[i]) / state.elapsed
-        memory.estimate[i] -= c.inertia_estimate[i] * acceleration
+        memory.estimate[i] -= c.inertia_estimate[i] * last_acceleration(memory, state, i)
         memory.last_velocity[i] = state.velocity[i]
     memory.torque_share[0] = 1.0
+
+
+@kernel_without_arrays
+def last_acceleration(memory: Memory, state: State, i: int) -> float:
+    """Return x'' of axis `i` over the period that has just passed, m/s^2."""
+    return (state.velocity[i] - memory.last_velocity[i]) / state.elapsed
 
 
 @kernel_without_arrays
@@ -187,7 +172,7 @@ def adapt(c: Constants, memory: Memory, elapsed: float, size: float, outward: bo
     above_2, above_3 = alpha_2 > floor[1], alpha_3 > floor[2]
     if alpha_1 <= floor[0] or (outward and above_2 and above_3):
         memory.alpha_1[0] = alpha_1 + elapsed * c.growth * size
-    elif not c.adapts_as_printed or not (outward or above_2 or above_3):
+    else:
         memory.alpha_1[0] = max(alpha_1 - elapsed * c.decay * size, 0.0)
     if above_3:
         memory.alpha_3[0] = max(alpha_3 - elapsed * size / alpha_3, floor[2])
@@ -199,12 +184,8 @@ def adapt(c: Constants, memory: Memory, elapsed: float, size: float, outward: bo
 def press(c: Constants, memory: Memory, state: State, torque: Array) -> None:
     """Add J^T (Mhat u + S_hat) to `torque` (n,) N m, eqs. (8) and (10)."""
     robust = c.robust_gain * (memory.alpha_1[0] + memory.alpha_2[0] + memory.alpha_3[0])
-    square = 0.0
     for i in range(memory.sliding_variable.size):
-        square += memory.sliding_variable[i] * memory.sliding_variable[i]
-    inside = np.sqrt(square) <= c.boundary
-    for i in range(memory.sliding_variable.size):
-        u = memory.desired_acceleration[i] + robust * switching(c, memory.sliding_variable[i], inside)
+        u = memory.desired_acceleration[i] + robust * switching(c, memory.sliding_variable, i)
         u += c.velocity_gain * (memory.filter_velocity[i] - state.velocity[i])
         u += c.position_gain * memory.tracking_error[i]
         force = c.inertia_estimate[i] * u + memory.estimate[i]
@@ -213,8 +194,6 @@ def press(c: Constants, memory: Memory, state: State, torque: Array) -> None:
 
 
 @kernel_without_arrays
-def switching(c: Constants, xi: float, inside: bool) -> float:
-    """Return what stands for the sign of one component of xi; `inside` says whether |xi| <= mu."""
-    if not c.switches_as_printed:
-        return np.tanh(xi / c.boundary)
-    return xi / c.boundary if inside else np.tanh(xi)
+def switching(c: Constants, xi: Array, i: int) -> float:
+    """Return the smooth sign of component `i` of xi (m,)."""
+    return np.tanh(xi[i] / c.boundary)

@@ -30,8 +30,6 @@ class Geometry(NamedTuple):
     """m/s^2"""
     gravity_z: float
     """m/s^2"""
-    printed_jacobian: bool
-    """Whether `kinematics` gives the paper's misprinted Jacobian"""
 
 
 @dataclass(frozen=True)
@@ -47,8 +45,7 @@ class Planar2r:
 
     A link is a uniform slender rod unless `centers_of_mass` and `inertias` say otherwise; point masses at the ends, as
     in the paper, are centers_of_mass = dynamic_lengths and inertias = 0. `dynamic_lengths` gives the dynamics other
-    lengths than the kinematics: the paper's Section V needs it. `jacobian` = printed tells control laws the matrix that
-    the paper prints, [[s1 + s12, s12], [c12, c12 + c1]], which is the derivative of no position.
+    lengths than the kinematics: the paper's Section V needs it.
     """
 
     axes: ClassVar[tuple[str, ...]] = ("x", "z")
@@ -68,18 +65,14 @@ class Planar2r:
     joint_upper: Annotated[Pair, Parameter("rad", "highest joint positions", -7.0, 7.0)] = (np.pi, np.pi)
     torque_limit: Annotated[Pair, Parameter("N*m", "largest joint torques", 0.0, 1e4)] = (200.0, 200.0)
     elbow: Literal["positive", "negative"] = "positive"
-    jacobian: Literal["derivative", "printed"] = "derivative"
 
     def geometry(self) -> Geometry:
-        """Return the numbers that the kernels take; a plant moves by the true Jacobian whatever laws are told."""
-        return Geometry(*self.lengths, *self.gravity, printed_jacobian=False)
+        """Return the numbers that the kernels take."""
+        return Geometry(*self.lengths, *self.gravity)
 
     def kernels(self) -> RobotKernels:
         """Return the kinematics as a kernel."""
-        return RobotKernels(fill_kinematics, self._told())
-
-    def _told(self) -> Geometry:
-        return self.geometry()._replace(printed_jacobian=self.jacobian == "printed")
+        return RobotKernels(fill_kinematics, self.geometry())
 
     def mass_distribution(self) -> tuple[Pair, Pair]:
         """Return the centres of mass c1, c2 (m, from each joint) and the inertias I1, I2 (kg m^2) about them."""
@@ -108,7 +101,7 @@ class Planar2r:
 
     def kinematics(self, joint_position: Array, joint_velocity: Array) -> Kinematics:
         """Return geometry and regressor at (q, q')."""
-        return kinematics(self._told(), joint_position, joint_velocity)
+        return kinematics(self.geometry(), joint_position, joint_velocity)
 
     def dynamic_parameters(self) -> Array:
         """Return the nominal theta (9,), without friction."""
@@ -164,14 +157,9 @@ def fill_kinematics(geometry: Geometry, q: Array, rate: Array, at: Kinematics) -
     w1, w12 = rate[0], rate[0] + rate[1]
     at.position[0], at.position[1] = l1 * c1 + l2 * c12, l1 * s1 + l2 * s12
     j, d = at.jacobian, at.jacobian_rate
-    if geometry.printed_jacobian:
-        j[0, 0], j[0, 1], j[1, 0], j[1, 1] = s1 + s12, s12, c12, c12 + c1
-        d[0, 0], d[0, 1] = c1 * w1 + c12 * w12, c12 * w12
-        d[1, 0], d[1, 1] = -s12 * w12, -s12 * w12 - s1 * w1
-    else:
-        j[0, 0], j[0, 1], j[1, 0], j[1, 1] = -l1 * s1 - l2 * s12, -l2 * s12, l1 * c1 + l2 * c12, l2 * c12
-        d[0, 0], d[0, 1] = -l1 * c1 * w1 - l2 * c12 * w12, -l2 * c12 * w12
-        d[1, 0], d[1, 1] = -l1 * s1 * w1 - l2 * s12 * w12, -l2 * s12 * w12
+    j[0, 0], j[0, 1], j[1, 0], j[1, 1] = -l1 * s1 - l2 * s12, -l2 * s12, l1 * c1 + l2 * c12, l2 * c12
+    d[0, 0], d[0, 1] = -l1 * c1 * w1 - l2 * c12 * w12, -l2 * c12 * w12
+    d[1, 0], d[1, 1] = -l1 * s1 * w1 - l2 * s12 * w12, -l2 * s12 * w12
     at.velocity[0] = j[0, 0] * rate[0] + j[0, 1] * rate[1]
     at.velocity[1] = j[1, 0] * rate[0] + j[1, 1] * rate[1]
     fill_regressor(geometry, q, rate, at.regressor)

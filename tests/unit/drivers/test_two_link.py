@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -48,10 +47,10 @@ def test_free_fall_keeps_its_energy() -> None:
     np.testing.assert_allclose(energies, energies[0], atol=1e-7)
 
 
-def spun(coriolis: Literal["passive", "printed"]) -> Array:
-    """Return the energy, J, of the arm in free space, without gravity or friction, spun up and then left to itself."""
+def test_an_arm_left_to_itself_keeps_its_energy() -> None:
+    """q'^T (M' - 2C) q' = 0, in free space, without gravity or friction."""
     weightless = arm(gravity=(0.0, 0.0))
-    plant = begin(TwoLink(weightless, FAR_AWAY, coriolis=coriolis), (0.2, 1.0), 1e-3)
+    plant = begin(TwoLink(weightless, FAR_AWAY), (0.2, 1.0), 1e-3)
     for _ in range(100):
         plant.advance(torque_command((3.0, 0.0)), STILL)
     energies = []
@@ -59,34 +58,8 @@ def spun(coriolis: Literal["passive", "printed"]) -> Array:
         now = true_state(plant)
         energies.append(rods.energy(weightless, now.joint_position, now.joint_velocity))
         plant.advance(torque_command((0.0, 0.0)), STILL)
-    return np.array(energies)
-
-
-def test_the_printed_coriolis_matrix_makes_energy_from_nothing() -> None:
-    """q'^T (M' - 2C) q' = 0 keeps the energy; with the printed second row of C, [0, h q2'], it is not zero."""
-    kept, made = spun("passive"), spun("printed")
-    assert kept[0] > 0.1, "it does spin"
-    np.testing.assert_allclose(kept, kept[0], rtol=1e-7)
-    assert made.max() > 5.0 * made[0]
-    assert made.min() < 0.5 * made[0], "and it loses some to nothing"
-
-
-def test_the_printed_coriolis_matrix_adds_the_power_that_it_leaves_out() -> None:
-    """dE/dt = q'^T (C - C_printed) q' = h q2' (q1'^2 - q2'^2) with h = m2 c2 l1 sin q2."""
-    dt = 1e-4
-    robot = arm(gravity=(0.0, 0.0), lengths=(1.0, 1.0), masses=(1.0, 2.0), centers_of_mass=(1.0, 1.0), inertias=(0, 0))
-    plant = begin(TwoLink(robot, FAR_AWAY, coriolis="printed", substep=dt), Q, dt)
-    for _ in range(5000):
-        plant.advance(torque_command((9.0, -6.0)), STILL)
-    seen = [true_state(plant)]
-    for _ in range(2):
-        plant.advance(torque_command((0.0, 0.0)), STILL)
-        seen.append(true_state(plant))
-    before, after = (rods.energy(robot, now.joint_position, now.joint_velocity) for now in (seen[0], seen[2]))
-    rate1, rate2 = seen[1].joint_velocity
-    power = 2.0 * np.sin(seen[1].joint_position[1]) * rate2 * (rate1**2 - rate2**2)
-    assert abs(power) > 1.0
-    assert (after - before) / (2 * dt) == pytest.approx(power, rel=1e-4)
+    assert energies[0] > 0.1, "it does spin"
+    np.testing.assert_allclose(energies, energies[0], rtol=1e-7)
 
 
 def test_work_done_is_energy_stored_and_lost() -> None:

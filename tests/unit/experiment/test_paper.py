@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from helpers.in_memory import run
+from helpers.paper import PAPER, LawAsPrinted
 
 from hilrig.experiment import load
 from hilrig.experiment.plan import plan
@@ -16,7 +16,6 @@ from hilrig.experiment.trial import Trial
 from hilrig.kinds.controllers.tde_sliding_mode import TdeSlidingMode
 from hilrig.kinds.disturbances.force_sine import ForceSine
 
-PAPER = Path(__file__).resolve().parents[3] / "experiments" / "paper"
 TWO_PERIODS = "phases.steady.duration=12.566"
 """Of the sine of 1 rad/s: what the whole 35 s say, within 3 %, in a third of the time"""
 PUSHED = (ForceSine(amplitude=0.2, frequency=0.5, axis="z"),)
@@ -56,7 +55,7 @@ def test_literal_law_of_section_5() -> None:
 
 def test_literal_law_on_an_arm_with_the_printed_coriolis_matrix() -> None:
     """The arm is slow: no difference that the docs' digits show."""
-    found = figures(section_5("errata.yaml", "as_read", "driver.coriolis=printed"))
+    found = figures(section_5("errata.yaml", "as_read", "driver.kind=./driver_as_printed.py"))
     assert found.position == pytest.approx(0.079e-3, rel=0.1)
     assert found.force == pytest.approx(0.058, rel=0.1)
 
@@ -99,7 +98,7 @@ def test_first_force_peak_without_preload_depends_on_where_the_tip_starts() -> N
         ("printed_estimator", 4.5, []),
         ("all_as_printed", 0.1, []),
         ("all_as_printed", 0.3, ["controllers.all_as_printed.feedback=negative"]),
-        ("as_read", 0.35, ["driver.robot.jacobian=printed"]),
+        ("as_read", 0.35, ["driver.robot.kind=./robot_as_printed.py"]),
     ],
 )
 def test_readings_that_are_unstable_trip_a_safety_limit(name: str, latest: float, overrides: list[str]) -> None:
@@ -115,8 +114,9 @@ def test_each_controller_of_the_errata_differs_from_the_first_by_what_its_name_s
     laws = {trial.controller_name: trial.controller for trial in plan(load(PAPER / "errata.yaml"))}
     first = laws["as_read"]
     assert first == TdeSlidingMode(inertia_estimate=0.05)
+    assert laws["no_preload"] == replace(first, preload=False)
     options = {"lyapunov": "transposed", "feedback": "positive", "estimator": "desired", "switching": "printed",
-               "adaptation": "printed", "preload": False}  # fmt: skip
-    assert laws["all_as_printed"] == replace(first, **options)
-    printed = {"lyapunov", "feedback", "estimator", "switching", "adaptation"}
-    assert all(replace(first, **{name: options[name]}) in laws.values() for name in printed)
+               "adaptation": "printed"}  # fmt: skip
+    assert laws["all_as_printed"] == LawAsPrinted(inertia_estimate=0.05, preload=False, **options)
+    for name, option in options.items():
+        assert laws[f"printed_{name}".replace("feedback", "signs")] == LawAsPrinted(0.05, **{name: option})

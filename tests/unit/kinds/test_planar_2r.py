@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from helpers import rods
@@ -46,38 +44,6 @@ def test_jacobian_and_its_rate_are_the_derivatives(robot: Planar2r, q: Array, ra
     np.testing.assert_allclose(at.jacobian_rate, (after.jacobian - before.jacobian) / (2 * h), atol=1e-7)
     np.testing.assert_allclose(at.velocity, at.jacobian @ rate, atol=1e-12)
     np.testing.assert_allclose(at.position, robot.forward_kinematics(q), atol=1e-15)
-
-
-def curl(robot: Planar2r, q: Array) -> Array:
-    """Return dJ_i1/dq2 - dJ_i2/dq1 of each row i of the Jacobian, (2,): zero for the derivative of a position."""
-    h = 1e-6
-
-    def jacobian(step: Array) -> Array:
-        return robot.kinematics(q + step, np.zeros(2)).jacobian
-
-    first, second = ((jacobian(h * e) - jacobian(-h * e)) / (2 * h) for e in np.eye(2))
-    return second[:, 0] - first[:, 1]
-
-
-@given(q=pairs)
-def test_the_printed_jacobian_is_the_derivative_of_no_position(q: Array) -> None:
-    """[[s1 + s12, s12], [c12, c12 + c1]]: d c12/dq2 - d(c12 + c1)/dq1 = s1. Row 1 is that of -x, for 1 m links."""
-    unit = arm(lengths=(1.0, 1.0))
-    np.testing.assert_allclose(curl(unit, q), 0.0, atol=1e-8)
-    printed = replace(unit, jacobian="printed")
-    np.testing.assert_allclose(curl(printed, q), [0.0, np.sin(q[0])], atol=1e-8)
-    s1, s12, c1, c12 = np.sin(q[0]), np.sin(q[0] + q[1]), np.cos(q[0]), np.cos(q[0] + q[1])
-    told, still = printed.kinematics(q, np.zeros(2)).jacobian, unit.kinematics(q, np.zeros(2)).jacobian
-    np.testing.assert_allclose(told, [[s1 + s12, s12], [c12, c12 + c1]], atol=1e-14)
-    np.testing.assert_allclose(told, [-still[0], still[1, ::-1]], atol=1e-14)
-
-
-@given(q=pairs, rate=rate_pairs)
-def test_the_printed_jacobians_rate_is_its_derivative(q: Array, rate: Array) -> None:
-    printed, h = arm(jacobian="printed"), 1e-6
-    at = printed.kinematics(q, rate)
-    before, after = printed.kinematics(q - h * rate, rate), printed.kinematics(q + h * rate, rate)
-    np.testing.assert_allclose(at.jacobian_rate, (after.jacobian - before.jacobian) / (2 * h), atol=1e-7)
 
 
 @pytest.mark.parametrize("elbow", ["positive", "negative"])

@@ -61,7 +61,7 @@ def test_a_controller_that_misses_the_first_ticks_answers_alike() -> None:
 @pytest.mark.parametrize("missed", [frozenset(), GAPS])
 @pytest.mark.parametrize("law", [Numpy(), TdeSlidingMode()])
 def test_the_same_messages_under_every_disturbance(law: Any, missed: frozenset[int]) -> None:
-    driver = TwoLink(arm(jacobian="printed"), surface(), SERVO, (0.1, 0.05), (0.02, 0.01), coriolis="printed")
+    driver = TwoLink(arm(), surface(), SERVO, (0.1, 0.05), (0.02, 0.01))
     swing = PhaseSpec("swing", 0.0, 0.2, {"x": Sine(0.1, 3.0)}, {"z": Hold(3.5)})
     compared(trial(driver, law, disturbances=EVERYTHING, phases=(swing,)), missed)
 

@@ -106,7 +106,7 @@ def test_every_law_gives_the_same_bits(law: Any, delay: int) -> None:
 
 @pytest.mark.parametrize("actuation", [Actuation(), SERVO])
 def test_the_same_bits_under_every_disturbance(actuation: Actuation) -> None:
-    driver = TwoLink(arm(jacobian="printed"), surface(), actuation, (0.1, 0.05), (0.02, 0.01), coriolis="printed")
+    driver = TwoLink(arm(), surface(), actuation, (0.1, 0.05), (0.02, 0.01))
     swing = PhaseSpec("swing", 0.0, 0.2, {"x": Sine(0.1, 3.0)}, {"z": Hold(3.5)})
     compared(trial(driver, Numpy(), disturbances=EVERYTHING, phases=(swing,)))
     assert compared(trial(controller=Pd(), disturbances=EVERYTHING)).outcome == "completed"
