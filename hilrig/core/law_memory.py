@@ -48,8 +48,8 @@ def name_problem(name: str) -> str:
     lower = re.sub(r"_+", "_", re.sub(r"[^a-z0-9_]", "", name.lower())).strip("_0123456789")
     example = f", such as '{lower}'" if _NAME.fullmatch(lower) and lower not in RECORDED else ""
     return (
-        f"the memory field '{name}' has a name that readers of the record refuse; ROS 2 allows lower-case letters, "
-        f"digits and single underscores between them, a letter first{example}"
+        f"the memory field '{name}' has a name that ROS 2 refuses; it allows lower-case letters, digits and single "
+        f"underscores between them, a letter first{example}"
     )
 
 

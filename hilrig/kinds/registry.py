@@ -107,7 +107,7 @@ def dump(value: Any, name: str = "") -> Any:
     if isinstance(value, (tuple, list)):
         return [dump(item, name) for item in value]
     if isinstance(value, float) and math.isnan(value):
-        raise PluginError(f"the parameter '{name}' is NaN, which equals nothing; for none, let it be None")
+        raise PluginError(f"the parameter '{name}' is NaN; where there is no value, use None")
     if isinstance(value, float) and math.isinf(value):
         return str(value)
     if value is None or isinstance(value, (bool, int, float, str)):

@@ -63,7 +63,7 @@ def run_file(path: Path, name: str, **names: Any) -> types.ModuleType:
 
 
 def _where_it_failed(path: Path, error: BaseException) -> str:
-    if isinstance(error, SyntaxError) and error.filename == str(path):
+    if isinstance(error, SyntaxError) and error.filename in (None, str(path)):
         return f"{path}:{error.lineno}: {error.msg}" if error.lineno else f"{path}: {error.msg}"
     place = authors_line(error)
     return f"{place[0]}:{place[1]}: {raised(error)}" if place else f"{path}: {raised(error)}"

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from hilrig.core.errors import ExperimentError, Problem
+from hilrig.core.errors import ExperimentError, PluginError, Problem
 from hilrig.core.parameters import per_axis
 from hilrig.experiment.plan.feasibility import (
     InfeasibleError,
@@ -22,14 +22,20 @@ if TYPE_CHECKING:  # the rig's processes read trials, and do without YAML
     from hilrig.experiment import Experiment
 
 
-@code_of()
 def plan(experiment: Experiment) -> tuple[Trial, ...]:
     """Return the trials in the order in which they are run: by repeat, then condition, then controller.
 
     So an interrupted run has trials that can be compared. Raises ExperimentError, with the place in the file,
-    if a reference leaves the robot's workspace, or a kind's parameters do not fit the task; PluginError if the code of
-    a kind fails otherwise.
+    if a reference leaves the robot's workspace, a kind's parameters do not fit the task, or its code fails.
     """
+    try:
+        with code_of():
+            return _checked(experiment)
+    except PluginError as error:  # controllers, references and disturbances have been told of by name
+        raise ExperimentError([Problem(experiment.place("driver"), str(error))]) from error
+
+
+def _checked(experiment: Experiment) -> tuple[Trial, ...]:
     draft = _trials(experiment, 0, (0.0,) * len(experiment.driver.robot.axes))
     try:
         start = start_position(experiment, draft[0])

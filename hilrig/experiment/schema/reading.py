@@ -33,7 +33,7 @@ from hilrig.experiment.schema.values import numeric_form
 from hilrig.kinds import registry as plugins
 from hilrig.kinds.user_files import code_of, place_of, read_bytes
 
-TYPES = "float, int, bool, str, Literal, None, tuples and mappings of these, a frozen dataclass, or a kind"
+TYPES = "float, int, bool, str, Literal, these or None, tuple, Mapping, a frozen dataclass, or a kind"
 """What a parameter may be annotated with"""
 
 
@@ -81,7 +81,7 @@ def readers_of(cls: type) -> dict[str, Reader]:
         try:
             found[field.name] = _reader(annotation, parameter)
         except TypeError as error:
-            message = f"the parameter '{field.name}' cannot be a {error}; it can be {TYPES}"
+            message = f"no file can give the parameter '{field.name}' its type, {error}; use {TYPES}"
             raise PluginError(f"{place_of(cls, field.name)}: {message}") from error
     return found
 
@@ -158,7 +158,13 @@ def _read_kind(group: str, allowed: type | None, data: Any, context: Context) ->
 
 def _check_record(group: str, kind: Any) -> None:
     """Raise PluginError unless the processes of a trial, which read it from a file, get the kind as it is here."""
-    cls, document = type(kind), plugins.dump(kind)
+    cls = type(kind)
+    for field in dataclasses.fields(kind):
+        try:
+            plugins.dump(getattr(kind, field.name), field.name)
+        except PluginError as error:
+            raise PluginError(f"{place_of(cls, field.name)}: {error}") from error
+    document = plugins.dump(kind)
     again = plugins.dump(plugins.restore(group, document))
     for name, value in document.items():
         if again[name] != value:

@@ -1,44 +1,21 @@
-"""Every way of writing a wrong experiment file gets one readable message at the right place.
-
-The mark § in a text stands where the message must point; it is taken out before the file is written.
-"""
+"""Every way of writing a wrong experiment file gets one readable message at the right place, marked § in the text."""
 
 # ruff: noqa: E501  (one case, one line)
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
+from helpers.experiment_files import GOOD, POSITION, broken_file, problems_of
 
 from hilrig.core.errors import ExperimentError, HilrigError
+from hilrig.core.parameters import Parameter
 from hilrig.experiment import load
 from hilrig.experiment.plan import plan
+from hilrig.experiment.schema.values import numeric_form, read_number
 
-GOOD = """\
-hilrig: 1
-name: broken
-question: What is wrong?
-period: 1 ms
-driver:
-  kind: two_link
-  robot: {kind: planar_2r, lengths: [0.345 m, 0.2 m], masses: [1.8 kg, 1.1 kg]}
-  surface: {position: 0.35 m, stiffness: 800 N/m}
-task:
-  force_axes: [z]
-  impedance: {inertia: [3, 6], damping: [30, 60], stiffness: [250, 0]}
-phases:
-  - name: first
-    duration: 4 s
-    position: {kind: sine, amplitude: 0.1 m, frequency: 1 rad/s}
-    force: {kind: hold, value: 3.5 N}
-conditions:
-  noisy: [{kind: sensor_noise, force: 0.05 N}]
-controllers:
-  pd: {kind: pd}
-"""
-
-POSITION = "{kind: sine, amplitude: 0.1 m, frequency: 1 rad/s}"
 CSV = "{kind: csv, file: §curve.csv, column: x}"
 
 # (what is replaced, by what, words of the message)
@@ -53,9 +30,9 @@ BROKEN: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "custom tag": ("{kind: pd}", "§!pd {}", ("tag !pd", "plain data")),
     "python tag": ("1 ms", "§!!python/object:os.system x", ("tag", "plain data")),
     "merge key": ("{kind: pd}", "{§<<: {kind: pd}}", ("merge keys", "<<")),
-    "key that is a list": ("{kind: pd}", "{kind: pd, §[a]: 1}", ("a key must be a single word",)),
+    "key that is a list": ("{kind: pd}", "{kind: pd, §[a]: 1}", ("a key must be a name",)),
     # timing budget
-    "age that no command can have": ("controllers:", "timing: {command_age_p99: §0.9 ms}\ncontrollers:", ("0.9 ms can never be kept", "a period of 1 ms", "give more than that")),
+    "age that no command can have": ("controllers:", "timing: {command_age_p99: §0.9 ms}\ncontrollers:", ("0.9 ms cannot be kept", "a period of 1 ms", "allow more than that")),
     "share of late ticks": ("controllers:", "timing: {late_fraction: §150 %}\ncontrollers:", ("'150 %' is not allowed", "from 0 to 1")),
     "share with a unit": ("controllers:", "timing: {late_fraction: §1 ms}\ncontrollers:", ("'1 ms' is a time", "a pure number")),
     "unknown budget": ("controllers:", "timing: {§late_fracton: 1 %}\ncontrollers:", ("'late_fracton'", "did you mean 'late_fraction'")),
@@ -77,6 +54,24 @@ BROKEN: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "kind of another group": ("{kind: pd}", "{kind: §sine}", ("'sine'", "controllers", "adaptive")),
     "controller is a text": ("pd: {kind: pd}", "pd: §pd", ("'pd' is not a mapping with 'kind'",)),
     "file that is not there": ("{kind: pd}", "{kind: §./nothing.py}", ("nothing.py", "cannot be read")),
+    # numbers at the edge
+    "too large a float": ("position: 0.35 m", "position: §1e400", ("1e400 is not a finite number",)),
+    "too large a whole number": ("duration: 4 s", "duration: §1" + 400 * "0", ("of 401 digits is not a finite number",)),
+    "more digits than are read": ("duration: 4 s", "duration: §1" + 5000 * "0", ("has 5001 digits, too many",)),
+    "too large a hexadecimal number": ("period: 1 ms", "repeats: §0x" + 9000 * "f", ("digits is not allowed", "from 1")),
+    "seed beyond 64 bits": ("period: 1 ms", "seed: §0x8000000000000000", ("0x8000000000000000 is not allowed",)),
+    "infinite limit": ("period: 1 ms", "expect: [{metric: effort, controller: pd, below: §.inf}]", (".inf is not a finite",)),
+    "limit that is NaN": ("period: 1 ms", "expect: [{metric: effort, controller: pd, below: §.nan}]", (".nan is not",)),
+    "infinite start": ("[z]", "[z]\n  start: {x: §.inf}", (".inf is not a finite number",)),
+    "infinity in a list": ("lengths: [0.345 m, 0.2 m]", "lengths: §[0.345 m, .inf]", ("inf is not a finite number",)),
+    "beyond its bound in another unit": ("period: 1 ms", "period: §99.9 us", ("'99.9 us' is not allowed", "from 0.0001")),
+    "no time to sleep in": ("period: 1 ms", "clock: realtime\nperiod: §0.1 ms", ("no time to sleep", "'rig.spin'", "0.0001 s")),
+    "spin as long as the period": (
+        "period: 1 ms", "clock: realtime\nrig: {spin: §2 ms}", ("'rig.spin'", "is 0.002 s; set it to less than the period"),
+    ),
+    "half a character": ("What is wrong?", '§"\\ud800"', ("half of a surrogate pair",)),
+    "a key in two spellings": ("period: 1 ms", "period: 1 ms\n§perio\uff44: 2 ms", ("'perio\uff44' is here twice",)),
+    "number for a text": ("name: broken", "name: §2026", ("2026 is not a text; put it in quotes",)),
     # values
     "wrong version": ("hilrig: 1", "hilrig: §2", ("2 is not allowed", "allowed: 1")),
     "wrong dimension": ("period: 1 ms", "period: §3 kg", ("'3 kg' is a mass", "a time", "1 ms")),
@@ -105,7 +100,7 @@ BROKEN: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "unknown clock": ("period: 1 ms", "clock: §real_time", ("'real_time'", "did you mean 'realtime'", "lockstep")),
     "text for a switch": ("stiffness: 800 N/m", "stiffness: 800, pulls: §yes", ("'yes' is not true or false",)),
     "task is a list": ("task:\n", "task: §[]\nignored:\n", ("a list of 0 is not a mapping",)),
-    "name is a path": ("name: broken", "name: §../broken", ("'../broken' is no name", "A-Z, a-z")),
+    "name is a path": ("name: broken", "name: §../broken", ("'../broken' cannot be a name", "A-Z, a-z")),
     "points that do not rise": (
         POSITION, "§{kind: waypoints, times: [0, 2, 1], values: [0, 0, 0]}", ("must rise", "1 s follows 2 s"),
     ),
@@ -118,17 +113,17 @@ BROKEN: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "CSV with NaN": (POSITION, "{kind: csv, file: §curve.csv, column: nan}", ("curve.csv: line 3, column 'nan'", "finite")),
     "CSV whose time falls": (POSITION, "{kind: csv, file: §curve.csv, column: x, time: back}", ("must rise",)),
     # what does not fit together
-    "no controllers": ("  pd: {kind: pd}", "  §{}", ("no controllers", "one at least")),
+    "no controllers": ("  pd: {kind: pd}", "  §{}", ("no controllers", "at least one")),
     "no phases": (GOOD[GOOD.index("phases:") : GOOD.index("conditions:")], "phases: §[]\n", ("no phases",)),
     "no conditions": ("conditions:\n  noisy: [{kind: sensor_noise, force: 0.05 N}]", "conditions: §{}", ("no conditions",)),
     "names that differ in case": ("  pd: {kind: pd}", "  pd: {kind: pd}\n  §PD: {kind: pd}", ("'PD'", "'pd'", "taken")),
     "phase called all": ("name: first", "name: §all", ("'all' stands for all phases",)),
     "unknown force axis": ("[z]", "[§y]", ("no axis 'y'", "axes: x, z")),
-    "force axis twice": ("[z]", "[z, §z]", ("'z' is here twice",)),
+    "force axis twice": ("[z]", "[z, §z]", ("'z' is listed twice",)),
     "reference missing": (f"\n    position: {POSITION}", "", ("'position' is missing", "'x'")),
-    "reference for a wrong axis": (POSITION, "{§z: {kind: hold, value: 0}}", ("'z' is no position-controlled axis", "x")),
+    "reference for a wrong axis": (POSITION, "{§z: {kind: hold, value: 0}}", ("'z' is not position-controlled", "x")),
     "which axis": ("[z]\n", "[]\n", ("which axis", "x, z")),
-    "force without force axis": ("{kind: hold, value: 3.5 N}", "{z: {kind: hold, value: 1}, §x: {kind: hold, value: 1}}", ("'x' is no force",)),
+    "force without force axis": ("{kind: hold, value: 3.5 N}", "{z: {kind: hold, value: 1}, §x: {kind: hold, value: 1}}", ("'x' is not force-controlled",)),
     "real time without delay": ("period: 1 ms", "clock: realtime\nactuation_delay: §0", ("0", "lockstep", "1 to 10")),
     "disturbed axis": (
         "{kind: sensor_noise, force: 0.05 N}", "§{kind: force_sine, amplitude: 1, frequency: 1, axis: y}",
@@ -204,25 +199,6 @@ BROKEN: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "too many ticks": ("duration: 4 s", "duration: 10000 s", ("10000000 ticks", "5000000")),
 }  # fmt: skip
 
-TABLE = "time,x,gap,nan,back\n0,0,0,0,0\n1,0.1,,nan,2\n2,0,0,0,1\n"
-
-
-def broken_file(folder: Path, text: str) -> tuple[Path, tuple[int, int] | None]:
-    """Write `text` without its mark; return the file, and line and column of the mark."""
-    (folder / "curve.csv").write_text(TABLE)
-    before, mark, _ = text.partition("§")
-    path = folder / "broken.yaml"
-    path.write_text(text.replace("§", ""))
-    place = (before.count("\n") + 1, len(before) - before.rfind("\n")) if mark else None
-    return path, place
-
-
-def problems_of(path: Path) -> tuple[str, ExperimentError]:
-    """Return the message of what `check` would say."""
-    with pytest.raises(ExperimentError) as caught:
-        plan(load(path))
-    return str(caught.value), caught.value
-
 
 def test_the_good_file_is_good(tmp_path: Path) -> None:
     path, _ = broken_file(tmp_path, GOOD)
@@ -257,7 +233,7 @@ WHOLE_FILES = {
     "exploding aliases": (
         b"a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n"
         + b"".join(b"%c: &%c [%s]\n" % (i + 1, i + 1, b", ".join([b"*%c" % i] * 10)) for i in range(97, 103)),
-        "aliases make more than 100000 values",
+        "expand to more than 100000 values",
     ),
 }
 
@@ -338,46 +314,24 @@ class Fixed:
 '''
 
 
-KIND = """
-from __future__ import annotations
-from dataclasses import dataclass
-
-@dataclass(frozen=True)
-class Mine:
-    gain: {}
-
-    def start(self, task, state):
-        raise NotImplementedError
-"""
-
-BROKEN_KINDS = {
-    "syntax": ("x = 1\ndef f(:\n", "kind.py:2: "),
-    "raises": ("x = 1\n\ny = x / 0\n", "kind.py:3: ZeroDivisionError"),
-    "nothing in it": ("x = 1\n", "exactly one public dataclass; found none"),
-    "two of them": (
-        "from dataclasses import dataclass\n@dataclass(frozen=True)\nclass A: pass\n@dataclass(frozen=True)\nclass B: pass\n",
-        "found A, B",
-    ),
-    "not frozen": (
-        "from dataclasses import dataclass\n@dataclass\nclass A: pass\n",
-        "A is not a frozen dataclass",
-    ),
-    "a parameter that no file can give": (
-        KIND.format("bytes"),
-        "./kind.py: a parameter cannot be of the type",
-    ),
-    "an annotation that is not there": (KIND.format("Nonsense"), "'Nonsense' is not defined"),
-    "lacks start": (
-        "from dataclasses import dataclass\n@dataclass(frozen=True)\nclass A: pass\n",
-        "A lacks start",
-    ),
-}
+@pytest.mark.parametrize(("name", "words"), [("/dev/zero", "is not a regular file"), ('"a\\0"', "is not a path")])
+def test_a_table_that_need_not_end_is_not_read(tmp_path: Path, name: str, words: str) -> None:
+    path, _ = broken_file(tmp_path, GOOD.replace(POSITION, f"{{kind: csv, file: {name}, column: x}}"))
+    assert words in problems_of(path)[0]
 
 
-@pytest.mark.parametrize(("code", "words"), BROKEN_KINDS.values(), ids=BROKEN_KINDS)
-def test_a_users_broken_controller_is_named_with_its_line(tmp_path: Path, code: str, words: str) -> None:
-    (tmp_path / "kind.py").write_text(code)
-    path, place = broken_file(tmp_path, GOOD.replace("{kind: pd}", "{kind: §./kind.py}"))
-    message, error = problems_of(path)
-    assert words in message
-    assert [problem.place[1:] for problem in error.problems if problem.place] == [place]
+@pytest.mark.parametrize("period", ["100 us", "100 μs", "0.1 ms", "1e-4", "0.0001 s", "1e5 ns"])
+def test_the_least_period_can_be_had_in_any_unit(tmp_path: Path, period: str) -> None:
+    path, _ = broken_file(tmp_path, GOOD.replace("1 ms", period))
+    assert load(path).period == 1e-4
+
+
+BOUNDS = {"180 deg": math.pi, "60 deg": math.pi / 3, "135 deg": 3 * math.pi / 4, "1 turn": 2 * math.pi}
+
+
+@pytest.mark.parametrize(("angle", "bound"), BOUNDS.items())
+def test_a_bound_that_was_worked_out_can_be_had(angle: str, bound: float) -> None:
+    form = numeric_form(float)
+    assert form is not None
+    assert read_number(angle, form, Parameter("rad", "", bound, 10.0)) == bound
+    assert read_number(angle, form, Parameter("rad", "", 0.0, bound)) == bound

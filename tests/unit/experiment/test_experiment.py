@@ -175,6 +175,8 @@ OVERRIDES: list[tuple[str, Any]] = [
     ("timing.late_fraction=0.01", lambda e: e.timing.late_fraction == 0.01),
     ("safety.tip_force=50 N", lambda e: e.safety.tip_force == 50.0 and e.safety.joint_velocity == 20.0),
     ("task.impedance.states=reference", lambda e: e.task.impedance.states == "reference"),
+    ("task.start.x=1 cm", lambda e: e.task.start == {"x": 0.01}),
+    ("driver.actuation.mode=position_servo", lambda e: e.driver.actuation.mode == "position_servo"),
     ("conditions={a: []}", lambda e: dict(e.conditions) == {"a": ()}),
 ]
 
@@ -197,6 +199,7 @@ REFUSED = [
     ("phases.2.duration=1 s", "there is no item '2'"),
     ("safety.force=1", "unknown key 'force'; did you mean 'tip_force'?"),
     ("safte.tip_force=1 N", "--set safte.tip_force=1 N: there is no 'safte' in an experiment; did you mean 'safety'?"),
+    ("task.strt.x=3", "--set task.strt.x=3: unknown key 'strt'; did you mean 'start'?"),
     ("driver.surface.stiffnes=3", "unknown key 'stiffnes'; did you mean 'stiffness'?"),
     ("name.x=1", "'name' is a single value; it has no 'x'"),
     ("period=3 kg", "--set period=3 kg: '3 kg' is a mass"),
