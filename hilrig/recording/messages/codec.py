@@ -142,13 +142,15 @@ class Codec:
 
         Raises ValueError if a length does not fit.
         """
-        message = self._zero.copy()
+        # A copy of the bytes: numpy copies structures by field and leaves what lies between them unset.
+        memory = bytearray(self._zero.tobytes())
+        message = np.ndarray((), self.dtype, memory)
         for name, shape, value in zip(self.names, self._shapes, values, strict=True):
             # numpy would fill an array with a single number.
             if (found := getattr(value, "shape", ())) != shape:
                 raise ValueError(f"{self.definition.name}: {name} has the shape {found}, expected {shape}")
             message[name] = value
-        return message.tobytes()
+        return bytes(memory)
 
     def zero(self) -> bytes:
         """Return the message in which every value is zero."""
