@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hilrig.core.signals import Array
 from hilrig.rig.view import INTERVAL_S, View
+
+if TYPE_CHECKING:  # the signals load numba, which a watcher does without
+    from hilrig.core.signals import Array
 
 KEPT = round(10.0 / INTERVAL_S)
 """Views that are kept: those of the last ten seconds"""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hilrig.core.signals import Array
+if TYPE_CHECKING:  # the signals load numba, which a watcher does without
+    from hilrig.core.signals import Array
 
 BLANK = 0x2800
 """The Braille pattern without a dot"""

@@ -127,32 +127,33 @@ class Codec:
         """Bytes of a message"""
         self.names = [field.name for field in definition.fields]
         """The fields of the definition, in its order"""
-        names = self.dtype.names or ()
         self._shapes = [self.dtype[name].shape for name in self.names]
-        self._places = [names.index(name) for name in self.names]
-        self._zero = np.zeros((), self.dtype)
-        self._zero[HEADER] = np.frombuffer(CDR_HEADER, _UINT32)[0]
-        for name in self.names:
-            if _length_of(name) in names:
-                self._zero[_length_of(name)] = self.dtype[name].shape[0]
-        self._constants = [name for name in names if name not in self.names]
+        self._places = [(self.dtype.names or ()).index(name) for name in self.names]
+        self._constants = {HEADER: int.from_bytes(CDR_HEADER, "little")}
+        self._constants |= {_length_of(field.name): sizes[field.name] for field in definition.fields if field.size == 0}
+        zero = np.zeros((), self.dtype)
+        for name, value in self._constants.items():
+            zero[name] = value
+        self._zero = zero.tobytes()
 
     def pack(self, values: Sequence[Any]) -> bytes:
         """Return the message with these values, one for each field in order: a number, or an array of its length.
 
         Raises ValueError if a length does not fit.
         """
-        message = self._zero.copy()
+        # A copy of the bytes, for numpy copies a structure by field and leaves the bytes between fields unset.
+        memory = bytearray(self._zero)
+        message = np.ndarray((), self.dtype, memory)
         for name, shape, value in zip(self.names, self._shapes, values, strict=True):
             # numpy would fill an array with a single number.
             if (found := getattr(value, "shape", ())) != shape:
                 raise ValueError(f"{self.definition.name}: {name} has the shape {found}, expected {shape}")
             message[name] = value
-        return message.tobytes()
+        return bytes(memory)
 
     def zero(self) -> bytes:
         """Return the message in which every value is zero."""
-        return self._zero.tobytes()
+        return self._zero
 
     def unpack(self, payload: bytes) -> list[Any]:
         """Return the values in order: Python's numbers, and arrays that are the caller's own.
@@ -185,10 +186,10 @@ class Codec:
         if payloads.shape[1] != self.size:
             raise self.wrong_size(payloads.shape[1])
         table = np.ascontiguousarray(payloads).view(self.dtype)[:, 0]
-        for name in self._constants:
-            if (wrong := table[name] != self._zero[name]).any():
+        for name, expected in self._constants.items():
+            if (wrong := table[name] != expected).any():
                 found = table[name][np.argmax(wrong)]
-                raise ValueError(f"{self.definition.name}: the {name} is {found}, expected {self._zero[name]}")
+                raise ValueError(f"{self.definition.name}: the {name} is {found}, expected {expected}")
         return {name: np.ascontiguousarray(table[name]) for name in self.names}
 
     def wrong_size(self, size: int) -> ValueError:

@@ -49,14 +49,15 @@ def test_a_message_that_is_read_is_in_the_fields(name: str, data: st.DataObject)
 
 @pytest.mark.parametrize("name", MESSAGES)
 @given(data=st.data())
-def test_every_field_lies_where_the_processor_likes_it(name: str, data: st.DataObject) -> None:
+def test_every_field_is_aligned(name: str, data: st.DataObject) -> None:
     codec, _ = data.draw(messages(name))
     batch = RecordBatch(codec, 3)
     for field in batch.fields:
         assert field.flags.aligned
-        assert field.ctypes.data % WORD == 0
         assert field.strides[0] % WORD == 0
-        assert field.size == 0 or np.shares_memory(field, batch.payloads)
+        if field.size:  # an empty sequence lies nowhere
+            assert field.ctypes.data % WORD == 0
+            assert np.shares_memory(field, batch.payloads)
 
 
 @given(values=st.lists(st.integers(-(2**63), 2**63 - 1), min_size=5, max_size=5), tick=st.integers(0, 2**64 - 1))
