@@ -94,3 +94,17 @@ def pushed(driver: Driver, plant: Plant, disturbance: PlantDisturbance, ticks: i
 def force_index(robot: Robot) -> list[int]:
     """Return where in a wrench the forces along the robot's axes are."""
     return [WRENCH_AXES.index(axis) for axis in robot.axes]
+
+
+def swinging(driver: Driver, plant: Plant, k: int) -> Command:
+    """Return the command of tick k in a swing about where the plant is."""
+    n = driver.robot.joints
+    swing = 0.5 * np.sin(0.3 * k + np.arange(n))
+    hold = plant.hold()
+    return Command(hold.torque + swing, hold.position + (swing / driver.servo_gain if driver.servo_gain else 0.0))
+
+
+def swing(driver: Driver, plant: Plant, ticks: int = 10) -> None:
+    """Let the plant swing for so many periods."""
+    for k in range(ticks):
+        plant.advance(swinging(driver, plant, k), still(driver.robot))

@@ -1,8 +1,8 @@
-"""The rules, one group a file."""
+"""The rules, one group a file; of drivers two."""
 
 from importlib import import_module
 
-FILES = ("every_kind", "controllers", "references", "disturbances", "robots", "drivers", "metrics")
+FILES = ("every_kind", "controllers", "references", "disturbances", "robots", "drivers", "plants", "metrics")
 
 
 def register_all() -> None:
