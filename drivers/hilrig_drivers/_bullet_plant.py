@@ -70,7 +70,8 @@ class BulletPlant:
     def _drive(self, command: Command, friction_scale: float) -> tuple[Array, Array]:
         """Return the motors' torque and what is left of it behind the joints' friction."""
         if self._direct:
-            return command.torque, command.torque
+            # A copy: it is measured later, and the caller may write its next command into the same array.
+            return command.torque.copy(), command.torque
         return joint_torque(self._constants, self._sight, friction_scale, command.torque, command.position)
 
     def hold(self) -> Command:

@@ -67,6 +67,7 @@ class World:
 
     def __init__(self, robot: Planar2r, step_size: float) -> None:
         self.step_size = step_size
+        self._closed = False
         self.engine = Engine()
         self.engine.setTimeStep(step_size)
         self.engine.setPhysicsEngineParameter(enableFileCaching=0)
@@ -136,8 +137,10 @@ class World:
         return np.asarray(raw[2], dtype=np.uint8).reshape(height, width, 4)[:, :, :3]
 
     def close(self) -> None:
-        """Disconnect from the engine."""
-        self.engine.disconnect()
+        """Disconnect from the engine, once."""
+        if not self._closed:
+            self._closed = True
+            self.engine.disconnect()
 
 
 class ExplicitContact:

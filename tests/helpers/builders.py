@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-import dataclasses
-import types
-import typing
 from typing import Any
 
 import numpy as np
 from hilrig_drivers.two_link import TwoLink
 
-from hilrig.core.interfaces import Controller, Disturbance, Driver, Impedance, Plant, Task, TrialStart
-from hilrig.core.parameters import Parameter
-from hilrig.core.signals import Array, Command, DisturbanceSchedule, PlantDisturbance, Reference, State, Truth
+from hilrig.core.interfaces import Controller, Driver, Impedance, Plant, Task, TrialStart
+from hilrig.core.signals import Array, Command, PlantDisturbance, Reference, State, Truth
 from hilrig.experiment.trial import Limits, PhaseSpec, TaskSpec, Trial
 from hilrig.kinds.contact import Surface
 from hilrig.kinds.controllers.pd import Pd
-from hilrig.kinds.metrics._record import PhaseRecord
 from hilrig.kinds.references.hold import Hold
 from hilrig.kinds.robots.planar_2r import Planar2r
+from hilrig.testing.records import record as record
+from hilrig.testing.schedule import TIME as TIME
+from hilrig.testing.schedule import applied as applied
 
 STILL = PlantDisturbance(np.zeros(2), 0.0, 0.0, 1.0, 1.0, 1.0)
 """Nothing disturbs a plant with two task axes."""
 PERIOD = 1e-3
-TIME = np.arange(4000) * PERIOD
-"""s: the ticks that `applied` disturbs"""
 
 
 def arm(**changes: Any) -> Planar2r:
@@ -100,62 +96,3 @@ def trial(driver: Driver | None = None, controller: Controller | None = None, **
         "start_position": (0.1, 0.35),
     }  # fmt: skip
     return Trial(**{**plain, **changes})
-
-
-def applied(*disturbances: Disturbance, seed: int = 0) -> DisturbanceSchedule:
-    """Return the schedule of 4 s on two joints and the axes x and z, with `disturbances` applied in order."""
-    schedule = DisturbanceSchedule.quiet(TIME.size, 2, 2)
-    for disturbance in disturbances:
-        disturbance.apply(schedule, TIME, ("x", "z"), np.random.default_rng(seed))
-    return schedule
-
-
-def record(ticks: int, **changes: Any) -> PhaseRecord:
-    """Return a phase of rest: x position-controlled, z force-controlled, every signal zero but for `changes`."""
-    zeros = np.zeros((ticks, 2))
-    plain: dict[str, Any] = {
-        "tick": np.arange(ticks, dtype=np.float64), "time": np.arange(ticks) * PERIOD, "phases": 1, "period": PERIOD,
-        "axes": ("x", "z"), "sigma": np.array([1.0, 0.0]), "inertia": np.array([3.0, 6.0]),
-        "damping": np.array([30.0, 60.0]), "stiffness": np.array([250.0, 0.0]), "position": zeros, "velocity": zeros,
-        "acceleration": zeros, "force": zeros, "reference_position": zeros, "reference_velocity": zeros,
-        "reference_acceleration": zeros, "reference_force": zeros, "reference_step": np.zeros(2), "torque": zeros,
-        "late": np.zeros(ticks),
-    }  # fmt: skip
-    return PhaseRecord(**{**plain, **changes})
-
-
-def example(cls: type, **known: Any) -> Any:
-    """Return an instance of a plug-in's class, found values for the fields that have no default.
-
-    `known` gives values by field name, for the fields that the class has. A number is 1.5, moved into its bounds;
-    a sequence of numbers 0, 1, 2; a robot or a surface one of this module's.
-    """
-    hints = typing.get_type_hints(cls, include_extras=True)
-    values = {}
-    for item in dataclasses.fields(cls):
-        if item.name in known:
-            values[item.name] = known[item.name]
-        elif item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING:
-            values[item.name] = _value(hints[item.name])
-    return cls(**values)
-
-
-def parameter_of(hint: Any) -> Parameter | None:
-    """Return the Parameter in an annotation, if it has one."""
-    return next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, Parameter)), None)
-
-
-def _value(hint: Any) -> Any:
-    kind = hint.__origin__ if hasattr(hint, "__metadata__") else hint
-    if kind is Planar2r:
-        return arm()
-    if kind is Surface:
-        return surface()
-    known = parameter_of(hint) or Parameter("")
-    number = float(min(max(1.5, known.low), known.high))
-    if typing.get_origin(kind) is tuple:
-        size = len(typing.get_args(kind))
-        return (0.0, 1.0, 2.0) if typing.get_args(kind)[-1] is Ellipsis else (number,) * size
-    if kind is float or (isinstance(kind, types.UnionType) and float in typing.get_args(kind)):
-        return number
-    raise TypeError(f"no example for a field of type {hint}")

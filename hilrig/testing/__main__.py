@@ -1,0 +1,64 @@
+"""The rules from the command line: `python -m hilrig.testing GROUP [KIND ...] [FIELD=VALUE ...] [pytest's options]`."""
+
+from __future__ import annotations
+
+import ast
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from hilrig.core.errors import PluginError, nearest
+from hilrig.kinds.registry import PROTOCOLS, is_path
+
+USAGE = f"""python -m hilrig.testing GROUP [KIND ...] [FIELD=VALUE ...] [OPTION ...]
+
+Tests whether kinds keep the rules of their group, one test for each rule.
+
+GROUP        {", ".join(PROTOCOLS)}
+KIND         a kind of the group, or a path such as ./my_controller.py; none for all that are installed
+FIELD=VALUE  a value to test with, such as force=0.5; a field without a default may need one
+OPTION       of pytest, such as -x, -q, -k memory or --junit-xml=FILE
+
+docs/testing.md has the same as a test file of two lines."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the rules and return pytest's exit code. Raises PluginError if there is no such group."""
+    if not arguments or arguments[0] in ("-h", "--help"):
+        print(USAGE)
+        return 0 if arguments else 2
+    group, *rest = arguments
+    if group not in PROTOCOLS:
+        raise PluginError(f"there is no group '{group}'{nearest(group, PROTOCOLS)} (groups: {', '.join(PROTOCOLS)})")
+    first = next((i for i, word in enumerate(rest) if word.startswith("-")), len(rest))
+    words, options = rest[:first], rest[first:]
+    with tempfile.TemporaryDirectory() as folder:
+        # The two lines that an author would write. A configuration of pytest that happens to be here plays no part.
+        file, settings = Path(folder, f"test_{group}.py"), Path(folder, "pytest.ini")
+        call = ", ".join([repr(group), *map(_argument, words)])
+        file.write_text(f"from hilrig.testing import contract\n\ntest_contract = contract({call})\n", encoding="utf-8")
+        settings.write_text("[pytest]\n", encoding="utf-8")
+        place = ["-c", str(settings), "--rootdir", folder, "-p", "no:cacheprovider"]
+        return int(pytest.main([*place, str(file), *options]))
+
+
+def _argument(word: str) -> str:
+    """Return a word of the command line as an argument of `contract`."""
+    name, given, value = word.partition("=")
+    if given and name.isidentifier():
+        try:
+            return f"{name}={ast.literal_eval(value)!r}"
+        except (SyntaxError, ValueError):
+            return f"{name}={value!r}"
+    return repr(str(Path(word).resolve()) if is_path(word) else word)
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except PluginError as error:
+        print(error, file=sys.stderr)
+        sys.exit(2)

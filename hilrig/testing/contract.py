@@ -1,0 +1,96 @@
+"""The rules as pytest tests."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hilrig.core.errors import PluginError
+from hilrig.kinds.registry import is_path, kinds, load
+from hilrig.testing.rule import RULES, NotApplicableError, Rule
+from hilrig.testing.rules import register_all
+from hilrig.testing.subject import TABLE, Subject, check_values, subject_of
+
+register_all()
+
+
+def contract(group: str, *names: str | Path, file_text: str = TABLE, **values: Any) -> Callable[..., None]:
+    """Return a test function with one test for each rule that the kinds of `group` keep.
+
+    `names` are kinds, or paths of Python files from the folder of the file that calls this; without any, every kind of
+    the group that is installed is tested. `values` are given to the fields of these names: to those that have no
+    default, or to those whose default shows nothing (a disturbance of 0 N). `file_text` is what a reference that reads
+    a file finds in it.
+
+    Raises PluginError if there is no such group, and TypeError for a value that none of the kinds has a field for.
+    """
+    base = Path(sys._getframe(1).f_globals.get("__file__", "")).absolute().parent
+    chosen = [Chosen(group, str(name), base, values, file_text) for name in names or kinds(group)]
+    check_values(group, [kind.cls for kind in chosen if kind.cls is not None], values)
+    cases = [
+        pytest.param(kind, rule, id=f"{kind.id}-{rule.name if rule else 'is_a_kind'}")
+        for kind in chosen
+        for rule in (None, *RULES[group])
+    ]
+
+    @pytest.mark.parametrize(("kind", "rule"), cases)
+    def test(kind: Chosen, rule: Rule | None) -> None:
+        if kind.why_not:
+            if rule is None:
+                pytest.fail(kind.why_not, pytrace=False)
+            pytest.skip(f"{kind.name}: no instance of it can be made")
+        if rule is not None:
+            try:
+                sentence = rule.judge(kind.subject)
+            except NotApplicableError as reason:
+                pytest.skip(str(reason))
+            if sentence:
+                pytest.fail(sentence, pytrace=False)
+
+    return test
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A kind that is to be tested; it is made when it is first asked for."""
+
+    group: str
+    name: str
+    base: Path
+    values: Mapping[str, Any]
+    file_text: str
+
+    @property
+    def id(self) -> str:
+        """Its name in the names of its tests."""
+        return Path(self.name).stem if is_path(self.name) else self.name
+
+    @cached_property
+    def cls(self) -> type | None:
+        """Its class, or None if it cannot be loaded."""
+        with suppress(PluginError):
+            return load(self.group, self.name, self.base)
+        return None
+
+    @cached_property
+    def why_not(self) -> str:
+        """Why it is no kind that can be tested, in a sentence; empty if it is one."""
+        try:
+            _ = self.subject
+        except PluginError as error:
+            return f"a kind of {self.group} must load, but {error}"
+        except (TypeError, ValueError) as error:
+            return f"{self.name}: the test must be able to make one, but {error}"
+        return ""
+
+    @cached_property
+    def subject(self) -> Subject:
+        """It, with its instances."""
+        return subject_of(self.group, self.name, self.base, self.values, self.file_text)

@@ -1,0 +1,118 @@
+"""What a rule is: a function that looks at a kind and raises `Broken` if the kind does not keep it."""
+
+from __future__ import annotations
+
+import inspect
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from hilrig.core.errors import describe
+from hilrig.kinds.registry import PROTOCOLS
+from hilrig.testing.subject import Subject
+
+Check = TypeVar("Check", bound=Callable[[Any], None])
+
+GROUPS = tuple(PROTOCOLS)
+
+
+class Broken(Exception):
+    """A rule is broken. The message says what the kind did, as the end of a sentence: "it returned ..."."""
+
+
+class NotApplicableError(Exception):
+    """A rule says nothing about this kind. The message says why."""
+
+
+class Rule(NamedTuple):
+    """One rule of a group."""
+
+    name: str
+    """In words, with underscores: it names the test"""
+    sentence: str
+    """What must be so"""
+    check: Callable[[Any], None]
+    """Raises Broken or NotApplicableError; any other error is the kind's own"""
+    whole: bool
+    """Whether `check` takes the Subject, not one variant of it after the other"""
+
+    def judge(self, subject: Subject) -> str:
+        """Return one sentence about how `subject` breaks the rule; empty if it keeps it. Raises NotApplicableError."""
+        silent: list[NotApplicableError] = []
+        looked_at = [subject] if self.whole else subject.variants
+        for variant in looked_at:
+            try:
+                self.check(variant)
+            except NotApplicableError as reason:
+                silent.append(reason)
+            except Exception as error:
+                choice = "" if self.whole else subject.choice(variant)
+                return f"{subject.name}{choice}: {self.sentence}, but {_told(error, subject)}"
+        if len(silent) == len(looked_at):
+            raise silent[0]
+        return ""
+
+
+RULES: dict[str, list[Rule]] = {group: [] for group in GROUPS}
+"""The rules of each group, in the order in which they are checked"""
+
+
+def rule(*groups: str, whole: bool = False) -> Callable[[Check], Check]:
+    """Make a function a rule of these groups: its name names the test, the first line of its docstring is the rule.
+
+    It is called with each variant of a kind, or with `whole` once, with the Subject.
+    """
+
+    def register(check: Check) -> Check:
+        sentence = (inspect.getdoc(check) or "").split("\n")[0].rstrip(".")
+        for group in groups:
+            RULES[group].append(Rule(check.__name__, sentence, check, whole))
+        return check
+
+    return register
+
+
+def require(condition: Any, what: str, *values: Any) -> None:
+    """Raise Broken with `what` the kind did, unless the condition holds; each {} in it stands for one of `values`."""
+    if not condition:
+        raise Broken(what.format(*map(shown, values)) if values else what)
+
+
+@contextmanager
+def noting(where: str) -> Iterator[None]:
+    """Let an error of the kind's own say where it came: "on 3 axes it raised ..."."""
+    try:
+        yield
+    except Broken:
+        raise
+    except Exception as error:
+        error.add_note(where)
+        raise
+
+
+def same(one: Any, other: Any) -> bool:
+    """Return whether two arrays, or numbers, are equal to the last bit."""
+    first, second = np.asarray(one), np.asarray(other)
+    return first.shape == second.shape and first.dtype == second.dtype and first.tobytes() == second.tobytes()
+
+
+def shown(value: Any) -> str:
+    """Return an array, a number or a word as a message shows it."""
+    if isinstance(value, (str, int)):
+        return str(value)
+    array = np.asarray(value)
+    if array.size > 12:
+        return f"an array {array.shape}"
+    return f"[{', '.join(map(shown, array))}]" if array.ndim else f"{array:.6g}"
+
+
+def _told(error: Exception, subject: Subject) -> str:
+    """Return what the kind did, with the line of its file for an error of its own."""
+    if isinstance(error, Broken):
+        return str(error)
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == subject.file]
+    what = f"{type(error).__name__}: {error} (line {frames[-1].lineno})" if frames else describe(error)
+    return " ".join([*getattr(error, "__notes__", ()), f"it raised {what}"])

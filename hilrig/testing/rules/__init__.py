@@ -1,0 +1,11 @@
+"""The rules, one group a file; of drivers two."""
+
+from importlib import import_module
+
+FILES = ("every_kind", "controllers", "references", "disturbances", "robots", "drivers", "plants", "metrics")
+
+
+def register_all() -> None:
+    """Import every file of rules; to import one is to register its rules."""
+    for name in FILES:
+        import_module(f"{__name__}.{name}")

@@ -1,0 +1,261 @@
+"""What controllers keep: a law takes its dimensions from the task, and its memory is all that it remembers."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from hilrig import Array, Controller, Law, PerAxis
+from hilrig.core.errors import PluginError
+from hilrig.loop.law_memory import memory_sizes
+from hilrig.testing.rule import Broken, noting, require, rule, same
+from hilrig.testing.scenario import Scenario, arrays, scenario, step
+from hilrig.testing.subject import parameters
+
+MANY = 30
+"""Ticks after which a law's memory has something in it"""
+
+
+@rule("controllers")
+def start_returns_a_law(controller: Controller) -> None:
+    """`start` must return a Law of step, parameters and memory."""
+    law = controller.start(*_task_and_state(_scenario(controller)))
+    require(isinstance(law, Law), f"it returned a {type(law).__name__}")
+    require(callable(law.step), f"its `step` is a {type(law.step).__name__}, which cannot be called")
+
+
+@rule("controllers")
+def dimensions_come_from_the_task(controller: Controller) -> None:
+    """On one, two and three axes a law must work, or `start` must refuse the task with a ValueError that says why."""
+    for m, where in ((1, "on one axis"), (2, "on two axes"), (3, "on three axes")):
+        given = scenario(m)
+        try:
+            law = controller.start(*_task_and_state(given))
+        except ValueError as error:
+            require(str(error), f"{where} `start` raised a ValueError without a message")
+            continue
+        with noting(where):
+            for tick in given.ticks[:MANY]:
+                shape = np.shape(law.step(law.parameters, law.memory, *tick))
+                require(shape == (m,), f"{where} `step` returned an array {shape}")
+
+
+@rule("controllers")
+def torque_is_one_finite_number_for_each_joint(controller: Controller) -> None:
+    """`step` must return an array with one finite torque for each joint, at every tick."""
+    law, given = _begun(controller)
+    for k, tick in enumerate(given.ticks):
+        torque = law.step(law.parameters, law.memory, *tick)
+        require(isinstance(torque, np.ndarray), f"it returned a {type(torque).__name__} at tick {k}")
+        wanted = (tick.state.joint_position.size,)
+        require(torque.shape == wanted, f"at tick {k} it returned an array {torque.shape} in place of {wanted}")
+        require(torque.dtype == np.float64, f"at tick {k} it returned an array of {torque.dtype}")
+        require(np.isfinite(torque).all(), "at tick {} it returned {}", k, torque)
+
+
+@rule("controllers")
+def memory_can_be_recorded(controller: Controller) -> None:
+    """The memory must be a NamedTuple of float64 arrays, under names that the record has no other use for."""
+    law, given = _begun(controller)
+    try:
+        memory_sizes(law.memory, "")
+        for tick in given.ticks[:MANY]:
+            step(law, tick)
+        memory_sizes(law.memory, "")
+    except PluginError as error:
+        raise Broken(str(error).removeprefix("controller '': ")) from error
+
+
+@rule("controllers")
+def memory_fields_are_arrays_of_their_own(controller: Controller) -> None:
+    """Each field of the memory must be an array of its own, new for each law."""
+    given = _scenario(controller)
+    one, two = (controller.start(*_task_and_state(given)) for _ in range(2))
+    fields = list(_memory(one).items())
+    for i, (name, array) in enumerate(fields):
+        for other, second in fields[:i]:
+            require(not np.shares_memory(array, second), f"'{other}' and '{name}' are one array")
+        for part, source in arrays(given.ticks[0].state):
+            require(not np.shares_memory(array, source), f"'{name}' is the array state.{part} itself; copy it")
+        require(not np.shares_memory(array, _memory(two)[name]), f"two laws have the same array '{name}'")
+
+
+@rule("controllers")
+def memory_is_written_in_place(controller: Controller) -> None:
+    """`step` must write what it remembers into the arrays of the memory that it is given."""
+    law, given = _begun(controller)
+    before = {name: array.copy() for name, array in _memory(law).items()}
+    for tick in given.ticks:
+        step(law, tick)
+    changed = [name for name, array in _memory(law).items() if not same(array, before[name])]
+    require(changed or not before, f"after {len(given.ticks)} ticks all of it is as it was at the start")
+
+
+@rule("controllers")
+def memory_is_all_that_a_law_remembers(controller: Controller) -> None:
+    """A law must remember nothing outside of its memory: the record shows all of it.
+
+    A second law that is given the memory of the first must go on as the first does.
+    """
+    first, given = _begun(controller)
+    for tick in given.ticks[:MANY]:
+        step(first, tick)
+    again = _scenario(controller)
+    second = controller.start(*_task_and_state(again))
+    for name, array in _memory(first).items():
+        _memory(second)[name][...] = array
+    for k in range(MANY, len(given.ticks)):
+        one, two = step(first, given.ticks[k]), step(second, again.ticks[k])
+        require(
+            same(one, two),
+            "a new law with the memory of another gave {} N m at tick {} where the other gave {}",
+            two,
+            k,
+            one,
+        )
+
+
+@rule("controllers")
+def start_only_reads_what_it_is_given(controller: Controller) -> None:
+    """`start` must only read the task and the state."""
+    given, untouched = _scenario(controller), _scenario(controller)
+    controller.start(*_task_and_state(given))
+    _require_unchanged(given, untouched)
+
+
+@rule("controllers")
+def step_only_reads_what_it_is_given(controller: Controller) -> None:
+    """`step` must only read the state, the reference and the task.
+
+    The loop records and judges by the same arrays: a law that writes into its reference would change its own score.
+    """
+    law, given = _begun(controller)
+    untouched = _scenario(controller)
+    for k, tick in enumerate(given.ticks):
+        step(law, tick)
+        _require_unchanged(given, untouched, k)
+
+
+@rule("controllers")
+def a_law_copies_what_it_keeps(controller: Controller) -> None:
+    """A law must copy what it keeps of the state and the reference: their arrays are written anew at every tick."""
+    law, given = _begun(controller)
+    expected = [step(law, tick) for tick in given.ticks]
+    again = _scenario(controller)
+    for k, tick in enumerate(again.reusing()):
+        if k == 0:
+            law = controller.start(again.task, tick.state)
+        torque = step(law, tick)
+        require(
+            same(torque, expected[k]),
+            "at tick {}, in arrays used before, it gave {} N m in place of {}",
+            k,
+            torque,
+            expected[k],
+        )
+
+
+@rule("controllers")
+def the_same_run_twice_gives_the_same_bits(controller: Controller) -> None:
+    """The same states must give the same torques, to the last bit, whenever and wherever they come.
+
+    NumPy's global generator is in another state at each run.
+    """
+    runs: list[list[Array]] = []
+    for seed in (1, 2):
+        np.random.seed(seed)
+        law, given = _begun(controller)
+        runs.append([step(law, tick) for tick in given.ticks])
+    for k, (one, two) in enumerate(zip(*runs, strict=True)):
+        require(same(one, two), "at tick {} it gave {} N m, and {} N m in the second run", k, one, two)
+
+
+@rule("controllers")
+def two_laws_share_nothing(controller: Controller) -> None:
+    """Two laws of one controller must not influence each other: a trial learns nothing from another."""
+    alone, given = _begun(controller)
+    expected = [step(alone, tick) for tick in given.ticks]
+    one, mine = _begun(controller)
+    two, other = _begun(controller)
+    for k in range(len(expected)):
+        torque = step(one, mine.ticks[k])
+        step(two, other.ticks[-1 - k])
+        require(
+            same(torque, expected[k]),
+            "at tick {}, with another law at work, it gave {} N m in place of {}",
+            k,
+            torque,
+            expected[k],
+        )
+
+
+@rule("controllers")
+def a_wrong_number_of_values_is_refused_by_name(controller: Any) -> None:
+    """`start` must refuse three values of a parameter per axis where there are two axes, by its name."""
+    names = [name for name, (hint, _) in parameters(type(controller)).items() if hint == PerAxis]
+    for name in names:
+        value = np.max(getattr(controller, name))
+        several = dataclasses.replace(controller, **{name: (float(value),) * 3})
+        try:
+            several.start(*_task_and_state(scenario(2)))
+        except ValueError as error:
+            require(name in str(error), f"for '{name}' it said: {error}")
+        else:
+            raise Broken(f"three values of '{name}' were taken for two axes; `per_axis` refuses them")
+
+
+@rule("controllers")
+def without_a_model_it_works_or_refuses(controller: Controller) -> None:
+    """With a robot that has no dynamic model a law must work, or `start` must refuse with a ValueError that says so."""
+    given = scenario(len(_scenario(controller).task.axes), model=False)
+    try:
+        law = controller.start(*_task_and_state(given))
+    except ValueError as error:
+        require("model" in str(error), f"it said: {error}")
+        return
+    with noting("without a model"):
+        for tick in given.ticks:
+            require(np.isfinite(step(law, tick)).all(), "its torque is not finite")
+
+
+def _scenario(controller: Controller) -> Scenario:
+    """Return a scenario on as many axes as the controller takes: two, or else one or three."""
+    refusals = []
+    for m in (2, 1, 3):
+        given = scenario(m)
+        try:
+            controller.start(*_task_and_state(scenario(m)))
+        except ValueError as error:
+            refusals.append(f"{m} axes: {error}")
+        else:
+            return given
+    raise Broken(f"it starts on no number of axes ({'; '.join(refusals)})")
+
+
+def _begun(controller: Controller) -> tuple[Law, Scenario]:
+    given = _scenario(controller)
+    return controller.start(*_task_and_state(given)), given
+
+
+def _memory(law: Law) -> dict[str, Array]:
+    """Return the arrays of a law's memory by name; none if it has no names."""
+    return dict(arrays(law.memory)) if hasattr(law.memory, "_asdict") else {}
+
+
+def _task_and_state(given: Scenario) -> tuple[Any, Any]:
+    return given.task, given.ticks[0].state
+
+
+def _require_unchanged(given: Scenario, untouched: Scenario, tick: int = 0) -> None:
+    """Raise Broken if anything of the task, or of what is given at a tick, has changed."""
+    pairs = {
+        "task": (given.task, untouched.task), "task.impedance": (given.task.impedance, untouched.task.impedance),
+        "state": (given.ticks[tick].state, untouched.ticks[tick].state),
+        "reference": (given.ticks[tick].reference, untouched.ticks[tick].reference),
+    }  # fmt: skip
+    for where, (now, before) in pairs.items():
+        for name, array in arrays(now):
+            old = getattr(before, name)
+            require(same(array, old), "it changed {}.{} at tick {} from {} to {}", where, name, tick, old, array)

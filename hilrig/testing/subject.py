@@ -1,0 +1,156 @@
+"""A kind under test, with the instances of it that the rules look at."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import itertools
+import types
+import typing
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hilrig import Parameter
+from hilrig.core.errors import PluginError, nearest
+from hilrig.kinds.registry import PROTOCOLS, group_of, is_path, load
+from hilrig.kinds.robots.planar_2r import Planar2r
+
+MOST_VARIANTS = 64
+"""Of a kind's choices, combined; further ones are not looked at"""
+ALL_CHOICES = ("controllers", "references", "disturbances", "metrics")
+"""Groups whose kinds are tested in each of their choices. A robot or a plant may offer one that is wrong on purpose"""
+TABLE = "time,value\n0,0\n1,0.8\n2,0.9\n3,0.1\n4,-0.8\n"
+"""What a reference that reads a file is given: five points of about a sine"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Subject:
+    """A kind under test."""
+
+    group: str
+    kind: str
+    """Its name, or the whole path of its file"""
+    name: str
+    """As a message names it: "pd", or "my_controller.py\""""
+    cls: type
+    file: str
+    """Where its class is defined"""
+    variants: tuple[Any, ...]
+    """Instances of it, one for each combination of its choices; at least one"""
+
+    def choice(self, variant: Any) -> str:
+        """Return how a variant differs from the first, such as " with target='direct'"; empty if it does not."""
+        first = self.variants[0]
+        names = [f.name for f in dataclasses.fields(self.cls)]
+        differing = [name for name in names if getattr(variant, name) != getattr(first, name)]
+        return f" with {', '.join(f'{name}={getattr(variant, name)!r}' for name in differing)}" if differing else ""
+
+
+def subject_of(group: str, kind: str, base: Path, values: Mapping[str, Any], file_text: str = TABLE) -> Subject:
+    """Return a kind with instances of it, `values` by field name for the fields that it has.
+
+    `base` is the folder that a path starts from; `file_text` is given to a reference that reads a file. Raises
+    PluginError if there is no such kind, and TypeError or ValueError if no instance can be made.
+    """
+    cls = load(group, kind, base)
+    variants = (
+        list(itertools.islice(_variants(cls, values), MOST_VARIANTS))
+        if group in ALL_CHOICES
+        else [example(cls, **values)]
+    )
+    if hasattr(cls, "reads"):
+        variants = [variant.filled(file_text) for variant in variants]
+    whole, name = (str(base / kind), Path(kind).name) if is_path(kind) else (kind, kind)
+    return Subject(group, whole, name, cls, inspect.getsourcefile(cls) or "", tuple(variants))
+
+
+def check_values(group: str, classes: Sequence[type], values: Mapping[str, Any]) -> None:
+    """Raise TypeError for a value that none of the classes has a field for."""
+    names = {field.name for cls in classes for field in dataclasses.fields(cls)}
+    for name in values if classes else ():
+        if name not in names:
+            listed = ", ".join(sorted(names)) or "none"
+            raise TypeError(f"there is no field '{name}' of {group}{nearest(name, names)} (fields: {listed})")
+
+
+def example(cls: type, **values: Any) -> Any:
+    """Return an instance of a dataclass, with `values` by field name for the fields that it has.
+
+    A field without a value and without a default is given one by its type: a number is 1.5, moved into its bounds; a
+    list of numbers 0, 1, 2; a robot two links of 1.5 m; a text "z" if the field is named `axis`. Raises TypeError for
+    any other type.
+    """
+    hints = _hints(cls)
+    given: dict[str, Any] = {}
+    for item in dataclasses.fields(cls):
+        if item.name in values:
+            given[item.name] = values[item.name]
+        elif item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING:
+            given[item.name] = _value(item.name, hints[item.name])
+    return cls(**given)
+
+
+def parameter_of(hint: Any) -> Parameter | None:
+    """Return the Parameter in an annotation, if it has one."""
+    return next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, Parameter)), None)
+
+
+def parameters(cls: type) -> dict[str, tuple[Any, Parameter | None]]:
+    """Return the bare annotation and the Parameter of each field that an experiment file may set, by name."""
+    hints = _hints(cls)
+    fields = [field.name for field in dataclasses.fields(cls) if not field.metadata.get("filled")]
+    return {name: (_bare(hints[name]), parameter_of(hints[name])) for name in fields}
+
+
+def _hints(cls: type) -> dict[str, Any]:
+    try:
+        return typing.get_type_hints(cls, include_extras=True)
+    except NameError as error:
+        raise PluginError(f"a field of {cls.__name__} has an annotation that is not defined: {error}") from error
+
+
+def _bare(hint: Any) -> Any:
+    return hint.__origin__ if hasattr(hint, "__metadata__") else hint
+
+
+def _variants(cls: type, values: Mapping[str, Any]) -> Iterator[Any]:
+    """Yield an instance for each combination of the fields that are a choice between words; the defaults come first."""
+    first = example(cls, **values)
+    choices = {
+        name: (getattr(first, name), *(word for word in typing.get_args(hint) if word != getattr(first, name)))
+        for name, (hint, _) in parameters(cls).items()
+        if typing.get_origin(hint) is typing.Literal and name not in values
+    }
+    for combination in itertools.product(*choices.values()):
+        yield example(cls, **{**values, **dict(zip(choices, combination, strict=True))})
+
+
+_NAMED = {"axis": "z", "file": "table.csv", "column": "value"}
+_NUMBERS = (0.0, 1.0, 2.0)
+_ROBOT = Planar2r((1.5, 1.5), (1.5, 1.5))
+
+
+def _value(name: str, hint: Any) -> Any:
+    """Return a value for the field `name` so annotated."""
+    kind, known = _bare(hint), parameter_of(hint) or Parameter("")
+    if typing.get_origin(kind) in (typing.Union, types.UnionType):
+        kind = next(part for part in typing.get_args(kind) if part is not types.NoneType)
+    number = float(min(max(1.5, known.low), known.high))
+    of_a_robot = group_of(kind) == "robots"
+    if of_a_robot and (kind is PROTOCOLS["robots"] or kind is Planar2r):
+        return _ROBOT
+    if typing.get_origin(kind) is typing.Literal:
+        return typing.get_args(kind)[0]
+    if typing.get_origin(kind) is tuple:
+        parts = typing.get_args(kind)
+        return _NUMBERS if parts[-1] is Ellipsis else (number,) * len(parts)
+    if kind in (float, int):
+        return kind(number)
+    if kind is bool:
+        return False
+    if dataclasses.is_dataclass(kind) and isinstance(kind, type):
+        return example(kind)
+    if name in _NAMED:
+        return _NAMED[name]
+    raise TypeError(f"its field '{name}' has no default and takes {hint}; give the test a value, as in {name}=...")
