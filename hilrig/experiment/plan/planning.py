@@ -12,6 +12,7 @@ from hilrig.experiment.plan.feasibility import (
     InfeasibleError,
     check_controller,
     check_disturbances,
+    check_driver,
     check_workspace,
     sampled,
 )
@@ -25,10 +26,11 @@ def plan(experiment: Experiment) -> tuple[Trial, ...]:
     """Return the trials in the order in which they are run: by repeat, then condition, then controller.
 
     So an interrupted run has trials that can be compared. Raises ExperimentError, with the place in the file,
-    if a reference leaves the robot's workspace, or a kind's parameters do not fit the task.
+    if the driver lacks software, a reference leaves the robot's workspace, or a kind's parameters do not fit the task.
     """
     draft = _trials(experiment, 0, (0.0,) * len(experiment.driver.robot.axes))
     try:
+        check_driver(draft[0])
         start = start_position(experiment, draft[0])
     except InfeasibleError as misfit:
         raise ExperimentError([_problem(experiment, misfit)]) from misfit
