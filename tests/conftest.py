@@ -7,7 +7,8 @@ import shutil
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,16 @@ from hypothesis import settings
 # The first call of a kernel compiles it: an example may take seconds.
 settings.register_profile("hilrig", deadline=None)
 settings.load_profile("hilrig")
+
+
+def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
+    """Skip the tests marked `needs_pybullet` where PyBullet is not installed; `-ra` lists them."""
+    if find_spec("pybullet") is None:
+        skip = pytest.mark.skip(reason="needs PyBullet, which has no wheels for Python 3.12 and newer")
+        for item in items:
+            if item.get_closest_marker("needs_pybullet"):
+                item.add_marker(skip)
+
 
 PATIENCE = 3.0
 """s that a process or thread is given to be gone after its test"""

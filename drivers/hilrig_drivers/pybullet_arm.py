@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Annotated, ClassVar, Literal
 
-from hilrig import Array, Capabilities, Parameter, Picture, Plant, TrialStart
+from hilrig import Array, Capabilities, HilrigError, Parameter, Picture, Plant, TrialStart
 from hilrig_drivers._planar import PLANT_INPUTS, PlanarArm
 
 
@@ -26,23 +27,37 @@ class PybulletArm(PlanarArm):
     substep: Annotated[float, Parameter("s", "engine step, at most", 1e-5, 1e-2, "log")] = 5e-4
 
     def __post_init__(self) -> None:
-        """Raise ValueError for what a URDF cannot say, and where there is no PyBullet."""
-        if find_spec("pybullet") is None:
-            raise ValueError("needs the package pybullet: pip install 'hilrig[pybullet]'")
+        """Raise ValueError for what a URDF cannot say."""
         if self.robot.dynamic_lengths not in (None, self.robot.lengths):
             raise ValueError("dynamic_lengths: a URDF has one set of lengths; use the driver two_link for two")
         if self.contact == "engine" and self.surface.pulls:
             raise ValueError("surface.pulls: the engine's contact cannot pull; use contact: explicit")
 
+    def missing(self) -> str:
+        """Return what to do if PyBullet is not installed; empty if it is."""
+        if find_spec("pybullet") is not None:
+            return ""
+        if sys.version_info >= (3, 12):
+            why = f"PyBullet, which has no wheels for Python 3.12 and newer (this is {sys.version.split()[0]})"
+            remedy = "use Python 3.11, for example 'uv run --python 3.11 hilrig ...'"
+        else:
+            why, remedy = "PyBullet, which is not installed", "type: pip install 'hilrig[pybullet]'"
+        return f"pybullet_arm needs {why}; {remedy}, or take another driver: --set driver.kind=two_link"
+
     def begin(self, begin: TrialStart) -> Plant:
-        """Return the arm at rest, held there by its motors."""
+        """Return the arm at rest, held there by its motors. Raises HilrigError without PyBullet."""
+        self._require_pybullet()
         # Imported here: the controller's process needs the robot of this driver, and no physics engine.
         from hilrig_drivers._bullet_plant import BulletPlant
 
         return BulletPlant(self, self.contact == "engine", self.substep, begin)
 
     def render(self, joint_positions: Array, width: int, height: int) -> list[Picture]:
-        """Return pictures (height, width, 3) uint8 of the arm at `joint_positions` (F, 2) rad."""
+        """Return pictures (height, width, 3) uint8 of the arm at `joint_positions` (F, 2) rad.
+
+        Raises HilrigError without PyBullet.
+        """
+        self._require_pybullet()
         from hilrig_drivers._bullet_world import World
 
         world = World(self.robot, 1e-3)
@@ -50,3 +65,7 @@ class PybulletArm(PlanarArm):
         pictures = [world.picture(q, width, height) for q in joint_positions]
         world.close()
         return pictures
+
+    def _require_pybullet(self) -> None:
+        if missing := self.missing():
+            raise HilrigError(missing)

@@ -238,6 +238,9 @@ class Driver(Protocol):
 
     A driver may also offer `render(joint_positions, width, height)`: a picture (height, width, 3) uint8 for each row of
     `joint_positions` (F, n) rad, for the report's animation.
+
+    One that needs software that may not be installed offers `missing() -> str`: what is missing on this machine, and
+    what to do, in one line; empty if nothing is. It can be constructed all the same: reports read plans anywhere.
     """
 
     capabilities: ClassVar[Capabilities]

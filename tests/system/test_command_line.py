@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 import pytest
+from helpers.experiments import EXPERIMENTS, parameters
 from helpers.real_rig import PROJECT, only_run
 from typer.testing import CliRunner
 
@@ -29,15 +30,11 @@ def _verbs(monkeypatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-EXPERIMENTS = [*(PROJECT / "experiments").glob("*.yaml"), *(PROJECT / "experiments" / "paper").glob("*.yaml")]
-
-
 @pytest.mark.parametrize(
-    "name",
-    sorted(str(path.relative_to(PROJECT / "experiments")) for path in EXPERIMENTS if path.name != "reproduce.yaml"),
+    "path", parameters(path for path in EXPERIMENTS.glob("**/*.yaml") if path.name != "reproduce.yaml")
 )
-def test_every_experiment_that_comes_with_hilrig_is_ready_to_run(name: str) -> None:
-    assert "ready to run" in call("check", str(PROJECT / "experiments" / name))
+def test_every_experiment_that_comes_with_hilrig_is_ready_to_run(path: Path) -> None:
+    assert "ready to run" in call("check", str(path))
 
 
 def test_a_warning_goes_to_stderr_and_changes_no_exit_code() -> None:
@@ -72,6 +69,7 @@ def test_the_study_of_the_paper_fits_its_experiments() -> None:
     assert all(loaded.experiments[name].repeats >= 10 for name in judged)
 
 
+@pytest.mark.needs_pybullet
 def test_the_plan_lists_repeats_first() -> None:
     document = json.loads(call("plan", str(PROJECT / "experiments" / "handrail_comparison.yaml"), "--json"))
     ids = [trial["id"] for trial in document["trials"]]

@@ -26,7 +26,7 @@ def run_once(hilrig, file: Path, out: Path, *options: str) -> Path:
     return run
 
 
-@pytest.mark.parametrize("driver", ["two_link", "pybullet_arm"])
+@pytest.mark.parametrize("driver", ["two_link", pytest.param("pybullet_arm", marks=pytest.mark.needs_pybullet)])
 def test_the_same_bits_on_the_bus_twice_and_in_one_process(hilrig, experiment, tmp_path: Path, driver: str) -> None:
     file = experiment(driver=driver, duration=0.4, controllers="proposed: {kind: tde_sliding_mode}")
     runs = [

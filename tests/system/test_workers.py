@@ -28,6 +28,7 @@ def _nothing_left(tmp_path: Path):
     wait_for(lambda: not rig_processes(tmp_path), 15.0)
 
 
+@pytest.mark.needs_pybullet
 def test_the_same_bits_as_one_after_the_other(hilrig, experiment, tmp_path: Path) -> None:
     """The engine of the plant among them: PyBullet is not safe with threads."""
     file = experiment(

@@ -1,4 +1,4 @@
-"""Whether a trial can be run: references, disturbances, workspace, and the controller's parameters."""
+"""Whether a trial can be run: software, references, disturbances, workspace, and the controller's parameters."""
 
 from __future__ import annotations
 
@@ -41,6 +41,13 @@ def sampled(trial: Trial, axis: str) -> Array:
     except UnusableReferenceError as error:
         field = "force" if axis in trial.task.force_axes else "position"
         raise InfeasibleError(("phases", error.index, field), str(error)) from error
+
+
+def check_driver(trial: Trial) -> None:
+    """Raise InfeasibleError if the driver needs software that is not installed on this machine."""
+    missing = getattr(trial.driver, "missing", None)
+    if missing is not None and (message := missing()):
+        raise InfeasibleError(("driver", "kind"), message)
 
 
 def check_disturbances(trial: Trial) -> None:

@@ -12,6 +12,7 @@ from hilrig.experiment.plan.feasibility import (
     InfeasibleError,
     check_controller,
     check_disturbances,
+    check_driver,
     check_workspace,
     sampled,
 )
@@ -26,7 +27,8 @@ def plan(experiment: Experiment) -> tuple[Trial, ...]:
     """Return the trials in the order in which they are run: by repeat, then condition, then controller.
 
     So an interrupted run has trials that can be compared. Raises ExperimentError, with the place in the file,
-    if a reference leaves the robot's workspace, a kind's parameters do not fit the task, or its code fails.
+    if the driver lacks software, a reference leaves the robot's workspace, a kind's parameters do not fit the task, or
+    its code fails.
     """
     try:
         with code_of():
@@ -38,6 +40,7 @@ def plan(experiment: Experiment) -> tuple[Trial, ...]:
 def _checked(experiment: Experiment) -> tuple[Trial, ...]:
     draft = _trials(experiment, 0, (0.0,) * len(experiment.driver.robot.axes))
     try:
+        check_driver(draft[0])
         start = start_position(experiment, draft[0])
     except InfeasibleError as misfit:
         raise ExperimentError([_problem(experiment, misfit)]) from misfit

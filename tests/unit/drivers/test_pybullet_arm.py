@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from helpers import rods
 from helpers.builders import FAR_AWAY, PERIOD, STILL, arm, begin, surface, torque_command, true_state
-from hilrig_drivers._bullet_world import World
 from hilrig_drivers.pybullet_arm import PybulletArm
 from hilrig_drivers.two_link import TwoLink
 
@@ -16,10 +15,17 @@ from hilrig.core.signals import Array
 from hilrig.kinds.actuation import Actuation
 from hilrig.kinds.robots.planar_2r import Planar2r
 
+pytestmark = pytest.mark.needs_pybullet
 ARMS = {
     "rods": arm(gravity=(-3.0, -9.81)),
     "shifted": arm(centers_of_mass=(0.2, 0.05), inertias=(0.03, 0.002), gravity=(-3.0, -9.81)),
 }
+
+
+def empty_world(robot: Planar2r) -> Any:
+    from hilrig_drivers._bullet_world import World  # needs PyBullet, and may be skipped without
+
+    return World(robot, 1e-3)
 
 
 def touching(robot: Planar2r, depth: float) -> Array:
@@ -29,7 +35,7 @@ def touching(robot: Planar2r, depth: float) -> Array:
 
 @pytest.mark.parametrize("robot", ARMS.values(), ids=list(ARMS))
 def test_the_urdf_has_the_arms_mass_matrix(robot: Planar2r) -> None:
-    world = World(robot, 1e-3)
+    world = empty_world(robot)
     for q in np.random.default_rng(0).uniform(-3, 3, (20, 2)):
         world.place(q)
         matrix = world.engine.calculateMassMatrix(world.arm, q.tolist())
@@ -39,7 +45,7 @@ def test_the_urdf_has_the_arms_mass_matrix(robot: Planar2r) -> None:
 
 @pytest.mark.parametrize("robot", ARMS.values(), ids=list(ARMS))
 def test_the_urdf_has_the_arms_gravity_and_geometry(robot: Planar2r) -> None:
-    world = World(robot, 1e-3)
+    world = empty_world(robot)
     for q in np.random.default_rng(0).uniform(-3, 3, (20, 2)):
         world.place(q)
         torque = world.engine.calculateInverseDynamics(world.arm, q.tolist(), [0.0, 0.0], [0.0, 0.0])

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.builders import TIME, arm, surface, trial
+from helpers.experiments import EXPERIMENTS, parameters
 from hilrig_drivers.two_link import TwoLink
 
 from hilrig.core.errors import ExperimentError
@@ -29,7 +30,6 @@ from hilrig.kinds.references.hold import Hold
 from hilrig.kinds.references.sine import Sine
 from hilrig.kinds.robots.planar_2r import Planar2r
 
-EXPERIMENTS = Path(__file__).parents[3] / "experiments"
 QUICKSTART = EXPERIMENTS / "quickstart.yaml"
 
 
@@ -172,7 +172,7 @@ def warned(*overrides: str) -> list[str]:
     return [str(problem) for problem in warnings(experiment, margins(plan(experiment)))]
 
 
-@pytest.mark.parametrize("path", sorted(EXPERIMENTS.glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", parameters(EXPERIMENTS.glob("*.yaml")))
 def test_the_projects_own_experiments_only_hear_of_the_papers_kappa(path: Path) -> None:
     experiment = load(path)
     found = margins(plan(experiment))

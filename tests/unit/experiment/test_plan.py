@@ -1,13 +1,17 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.builders import arm, surface
+from helpers.experiments import EXPERIMENTS, parameters
+from hilrig_drivers import pybullet_arm
 
-from hilrig.core.errors import ExperimentError
-from hilrig.core.interfaces import POSITION_CLIP, VELOCITY_CLIP
+from hilrig.core.errors import ExperimentError, HilrigError
+from hilrig.core.interfaces import POSITION_CLIP, VELOCITY_CLIP, TrialStart
 from hilrig.experiment import load
 from hilrig.experiment.plan import plan
 from hilrig.experiment.rig_settings import RigSettings
@@ -21,6 +25,7 @@ from hilrig.experiment.trial import (
     start_joint_position,
     times,
 )
+from hilrig.kinds.registry import dump, restore
 
 TEXT = """\
 hilrig: 1
@@ -234,10 +239,45 @@ def test_controllers_that_do_not_fit_are_all_named(tmp_path: Path) -> None:
     assert len(error.problems) == 2
 
 
-def test_the_projects_own_experiments_can_be_planned() -> None:
-    folder = Path(__file__).parents[3] / "experiments"
-    counts = {path.stem: len(plan(load(path))) for path in sorted(folder.glob("*.yaml"))}
-    assert counts["handrail_comparison"] == 12
-    assert counts["trajectory_switch"] == 12
-    assert counts["disturbances"] == 36
-    assert counts["quickstart"] == 2
+@pytest.mark.parametrize("path", parameters(EXPERIMENTS.glob("*.yaml")))
+def test_the_projects_own_experiments_can_be_planned(path: Path) -> None:
+    counts = {"handrail_comparison": 12, "trajectory_switch": 12, "disturbances": 36, "quickstart": 2}
+    trials = plan(load(path))
+    assert trials
+    assert len(trials) == counts.get(path.stem, len(trials))
+
+
+@pytest.mark.parametrize(
+    ("version", "words"),
+    [
+        ((3, 13, 0), ("no wheels for Python 3.12 and newer", "use Python 3.11", "--set driver.kind=two_link")),
+        ((3, 11, 7), ("is not installed", "pip install 'hilrig[pybullet]'", "--set driver.kind=two_link")),
+    ],
+)
+def test_a_driver_without_its_engine_is_refused_by_name(
+    monkeypatch: pytest.MonkeyPatch, version: tuple[int, ...], words: tuple[str, ...]
+) -> None:
+    monkeypatch.setattr(pybullet_arm, "find_spec", lambda name: None)
+    monkeypatch.setattr(sys, "version_info", version)
+    file = EXPERIMENTS / "handrail_comparison.yaml"
+    experiment = load(file)
+    with pytest.raises(ExperimentError) as caught:
+        plan(experiment)
+    (problem,) = caught.value.problems
+    place = problem.place
+    assert place is not None
+    assert "kind: pybullet_arm" in file.read_text().splitlines()[place.line - 1]
+    assert "\n" not in problem.message
+    assert all(word in problem.message for word in ("pybullet_arm needs PyBullet", *words))
+    assert len(plan(load(file, ["driver.kind=two_link"]))) == 12
+
+
+def test_the_plan_of_a_run_is_read_without_the_drivers_engine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A report is made on any machine; only a trial needs the engine."""
+    driver = pybullet_arm.PybulletArm(arm(), surface())
+    monkeypatch.setattr(pybullet_arm, "find_spec", lambda name: None)
+    assert restore("drivers", dump(driver)) == driver
+    with pytest.raises(HilrigError, match="needs PyBullet"):
+        driver.begin(TrialStart(1e-3, np.zeros(2)))
+    with pytest.raises(HilrigError, match="needs PyBullet"):
+        driver.render(np.zeros((1, 2)), 4, 3)
