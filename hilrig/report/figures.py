@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib as mpl
-
 from hilrig.report.panels import (
     TOP,
     Drawn,
@@ -18,12 +16,12 @@ from hilrig.report.panels import (
     with_zoom,
 )
 from hilrig.report.plotted import QUANTITIES
-from hilrig.report.style import RC
+from hilrig.report.plotting import figure_style
 
 
 def comparison_figures(drawn: Drawn) -> list[Picture]:
     """Return the figures that compare the controllers, in the order of the page."""
-    with mpl.rc_context(RC):
+    with figure_style():
         return [*(picture for name in QUANTITIES for picture in _over_time(name, drawn)), _effort(drawn)]
 
 

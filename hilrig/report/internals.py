@@ -7,15 +7,13 @@ import inspect
 import itertools
 import re
 
-import matplotlib as mpl
-from matplotlib.axes import Axes
-
 from hilrig.core.errors import HilrigError
 from hilrig.kinds import registry as plugins
 from hilrig.report.curves import Curve, limits
 from hilrig.report.dataset import TrialEntry, TrialSignals
 from hilrig.report.panels import Picture, canvas, draw
-from hilrig.report.style import COLOURS, RC, Style
+from hilrig.report.plotting import Axes, figure_style
+from hilrig.report.style import COLOURS, Style
 
 COLUMNS = 3
 NAMED = 6
@@ -58,7 +56,7 @@ def internals_figure(trial: TrialEntry, signals: TrialSignals) -> Picture | None
     if not fields:
         return None
     documents = memory_documents(trial.document["controller"]["kind"])
-    with mpl.rc_context(RC):
+    with figure_style():
         rows = -(-len(fields) // COLUMNS)
         figure, grid = canvas(rows, COLUMNS, 1.25, 1.25, top=0.25, between=0.42)
         notes: list[str] = []

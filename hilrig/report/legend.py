@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties
-from matplotlib.lines import Line2D
-from matplotlib.textpath import TextPath
 
+from hilrig.report.plotting import Figure, FontProperties, Line2D, TextPath
 from hilrig.report.style import RC, REFERENCE, Style
 
 MOST = 6

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
 
 from hilrig.core.signals import Array
 from hilrig.report.curves import Curve, limits, thin, window
 from hilrig.report.dataset import TrialEntry, TrialSignals
 from hilrig.report.legend import Legend, draw_legend, legend_of
+from hilrig.report.plotting import Axes, Figure, withStroke
 from hilrig.report.style import MUTED, REFERENCE, TWO_COLUMNS, Style, styles
 
 TOP, BOTTOM, LEFT, RIGHT = 0.42, 0.42, 0.62, 0.1

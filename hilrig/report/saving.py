@@ -5,12 +5,9 @@ from __future__ import annotations
 import base64
 from pathlib import Path
 
-import matplotlib as mpl
-from matplotlib.figure import Figure
-
 from hilrig.report.page import Shown
 from hilrig.report.panels import Picture
-from hilrig.report.style import RC
+from hilrig.report.plotting import Figure, figure_style
 
 LARGEST_INLINE = 1_000_000
 """Bytes of SVG beyond which the page holds the PNG instead"""
@@ -27,7 +24,7 @@ def write_figure(figure: Figure, stem: Path) -> str:
 
     Without dates and versions in the files, the same data make the same bytes.
     """
-    with mpl.rc_context(RC):
+    with figure_style():
         figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None, "Creator": None})
         figure.savefig(stem.with_suffix(".png"), dpi=200, metadata={"Software": None})
     vector = stem.with_suffix(".svg").read_bytes()

@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, NullFormatter
 
 from hilrig.recording.certificate.attribution import Attribution
 from hilrig.recording.certificate.causes import CAUSES
@@ -18,7 +15,8 @@ from hilrig.report.curves import thin
 from hilrig.report.dataset import TrialEntry
 from hilrig.report.legend import legend_of
 from hilrig.report.panels import LEFT, RIGHT, TOP, Picture, canvas, name_curves
-from hilrig.report.style import MUTED, RC, TWO_COLUMNS, Style, styles
+from hilrig.report.plotting import Axes, LogLocator, NullFormatter, figure_style
+from hilrig.report.style import MUTED, TWO_COLUMNS, Style, styles
 
 COLOURS = dict(zip(CAUSES, ("#0072B2", "#E69F00", "#D55E00", "#8A8A8A"), strict=True))
 """Of late ticks by cause"""
@@ -42,7 +40,7 @@ class Stamped(NamedTuple):
 
 def lateness_figure(condition: str, trials: Mapping[str, Stamped]) -> Picture:
     """Return lateness over time, a panel for each controller, and the late ticks in their causes' colours."""
-    with mpl.rc_context(RC):
+    with figure_style():
         named = legend_of({f"late: {name}": Style(colour, "-") for name, colour in COLOURS.items()}, False, WIDTH)
         figure, grid = canvas(len(trials), 1, 1.3, 1.3, top=TOP + named.further)
         for row, (name, stamped) in enumerate(trials.items()):
@@ -83,7 +81,7 @@ def tail_figure(trials: Sequence[TrialEntry], controllers: tuple[str, ...]) -> P
         return None
     looks = styles(controllers)
     shown = {name: looks[name] for name in controllers if any(trial.controller == name for trial in told)}
-    with mpl.rc_context(RC):
+    with figure_style():
         named = legend_of(shown, False, WIDTH)
         figure, grid = canvas(1, 2, 2.2, 0.0, top=TOP + named.further)
         period = told[0].document["period"]

@@ -5,11 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from hilrig.core.signals import Array
 from hilrig.report.curves import Curve, limits, thin, window
@@ -17,7 +13,8 @@ from hilrig.report.dataset import TrialEntry, TrialSignals
 from hilrig.report.internals import memory_documents, unit_of
 from hilrig.report.panels import draw
 from hilrig.report.plotted import QUANTITIES
-from hilrig.report.style import COLOURS, MUTED, RC, REFERENCE, Style, styles
+from hilrig.report.plotting import Axes, Figure, Line2D, figure_style
+from hilrig.report.style import COLOURS, MUTED, REFERENCE, Style, styles
 from hilrig.study.measuring import components
 from hilrig.study.model import FigureSpec
 
@@ -53,7 +50,7 @@ def draw_figure(spec: FigureSpec, trials: Trials, everyone: tuple[str, ...]) -> 
     end = max(float(signals.record.time[-1]) + signals.record.period for _, signals in trials.values())
     spans = [(0.0, end), *([spec.zoom] if spec.zoom else [])]
     height = TOP + BOTTOM + len(spans) * PANEL + (len(spans) - 1) * GAP
-    with mpl.rc_context(RC):
+    with figure_style():
         figure = Figure(figsize=(WIDTH, height))
         grid = figure.add_gridspec(
             len(spans), 1, left=LEFT / WIDTH, right=1 - RIGHT / WIDTH, top=1 - TOP / height, bottom=BOTTOM / height,
