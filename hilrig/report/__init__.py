@@ -1,4 +1,4 @@
-"""From a run directory to a page that answers the experiment's question. Needs nothing of the rig."""
+"""The report: from a run directory to a page that answers the experiment's question. It needs nothing of the rig."""
 
 from hilrig.report.junit import junit_xml
 from hilrig.report.making import make_report, write_report

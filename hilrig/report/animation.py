@@ -1,4 +1,4 @@
-"""A short animation, and a strip for print, of the arm at work, drawn by its own driver."""
+"""A short animation of the arm, and a strip of pictures for print, drawn by the driver."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ COLOURS = 96
 def animation(scene: tuple[TrialEntry, Array] | None, folder: Path) -> Shown:
     """Write figures/animation.gif and animation_strip.png of a trial and its joint positions (N, n) rad.
 
-    A picture without source means that there is no animation; its caption says why.
+    If there is no animation the returned picture has no source, and its caption says why.
     """
     if scene is None:
-        return _none("No trial completed: no animation.")
+        return _none("No animation: no trial completed.")
     trial, joints = scene
     kind = trial.document["driver"]["kind"]
     try:
         if not hasattr(plugins.load("drivers", kind), "render"):
-            return _none(f"The driver {kind} does not draw its robot: no animation.")
+            return _none(f"No animation: the driver {kind} cannot draw its robot.")
         driver: Any = plugins.restore("drivers", dict(trial.document["driver"]))
         rows = _rows(trial, joints.shape[0])
         frames = driver.render(joints[rows], WIDTH, HEIGHT)
@@ -53,7 +53,7 @@ def _none(reason: str) -> Shown:
 
 
 def _rows(trial: TrialEntry, ticks: int) -> np.ndarray:
-    """Return the ticks to draw: at `RATE` for `SECONDS`, around the second phase's beginning or from the start."""
+    """Return the ticks to draw: at `RATE` for `SECONDS`, around the start of the second phase, or from the start."""
     period, phases = trial.document["period"], trial.document["phases"]
     middle = phases[1]["start"] if len(phases) > 1 else 0.0
     start = np.clip(middle - SECONDS / 2, 0.0, max(0.0, (ticks - 1) * period - SECONDS))
@@ -62,7 +62,7 @@ def _rows(trial: TrialEntry, ticks: int) -> np.ndarray:
 
 
 def _gif(pictures: list[Image.Image]) -> bytes:
-    """Return an endless GIF with one palette for all frames."""
+    """Return a looping GIF with one palette for all frames."""
     palette = pictures[0].quantize(COLOURS, dither=Image.Dither.NONE)
     frames = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     file = io.BytesIO()
@@ -71,7 +71,7 @@ def _gif(pictures: list[Image.Image]) -> bytes:
 
 
 def _strip(pictures: list[Image.Image]) -> bytes:
-    """Return PNG of `STRIP` frames, evenly spaced in time, side by side."""
+    """Return a PNG of `STRIP` frames side by side, evenly spaced in time."""
     picked = [pictures[int(k)] for k in np.linspace(0, len(pictures) - 1, STRIP)]
     strip = Image.new("RGB", (WIDTH * STRIP + 4 * (STRIP - 1), HEIGHT), "white")
     for k, picture in enumerate(picked):

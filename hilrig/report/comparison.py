@@ -1,11 +1,12 @@
-"""Who was best, as far as the repeats allow one to say: summary, verdicts and the difference of two runs.
+"""Which controller is best, as far as the repeats can tell: summary, verdicts and paired differences.
 
-The rule. A cell is one metric on one axis in one phase of one condition. Repeat i is the same world for every
-controller, so values are compared in pairs, over the repeats that both completed. The controller with the lowest mean
-is marked best only if against every other controller the paired difference has a 95 % Student t interval above zero,
-from three pairs or more. Where repeats are identical to the last bit there is no spread to judge: any difference above
-rounding marks it, and the table says that the repeats are identical. A single repeat, or two that differ, mark nobody.
-Cells are judged one by one, without correction for their number: about one in twenty ties of a pair may be marked.
+The rule: a cell is one metric on one axis in one phase of one condition. Repeat i has the same noise and disturbances
+for every controller, so values are compared in pairs, over the repeats that both controllers completed. The controller
+with the lowest mean is marked best only if, against every other controller, the paired difference has a 95 % confidence
+interval (Student's t) above zero, from three pairs or more. Where the repeats are identical to the last bit there is no
+spread: any difference above rounding counts, and the table says that the repeats are identical. A single repeat, or two
+that differ, mark no controller. Cells are judged one by one, without correction for their number: of pairs that do not
+differ, about one in twenty may be marked.
 """
 
 from __future__ import annotations
@@ -24,7 +25,10 @@ ROUNDING = 1e-9
 
 
 def interval(differences: np.ndarray) -> tuple[float, float]:
-    """Return the 95 % t interval of the mean of `differences` (n,); (-inf, inf) for n < 2 or non-finite values."""
+    """Return the 95 % confidence interval (Student's t) of the mean of `differences` (n,).
+
+    It is (-inf, inf) for n < 2 and for values that are not finite.
+    """
     n = differences.size
     if n < 2 or not np.all(np.isfinite(differences)):
         return -np.inf, np.inf
@@ -34,23 +38,23 @@ def interval(differences: np.ndarray) -> tuple[float, float]:
 
 
 class Difference(NamedTuple):
-    """The mean difference of pairs, first minus second."""
+    """The mean difference in pairs of values, first minus second."""
 
     mean: float
-    """NaN if there is no pair, or if both values of a pair are infinite or one is undefined"""
+    """NaN if there is no pair, or if in one of them both values are infinite or one is NaN"""
     low: float
-    """Lower end of its 95 % interval; -inf if there are too few pairs to judge"""
+    """Lower end of its 95 % confidence interval; -inf if there are too few pairs to judge"""
     high: float
-    """Upper end; +inf if there are too few pairs to judge"""
+    """Upper end of it; +inf if there are too few pairs to judge"""
     basis: str
     """What the interval rests on"""
 
 
 def paired_difference(pairs: np.ndarray) -> Difference:
-    """Return the mean difference of `pairs` (n, 2), first minus second, with what it can be said to be at 95 %.
+    """Return the mean difference of `pairs` (n, 2), first minus second, with its 95 % confidence interval.
 
-    Pairs that are identical to the last bit have no spread: the interval is the difference itself. Other pairs have a
-    Student t interval from three on. A difference within rounding of the two values is none.
+    Pairs that are identical to the last bit have no spread: the interval is the difference itself. Other pairs have an
+    interval (Student's t) if there are three or more. A difference within rounding of the two values counts as zero.
     """
     n = pairs.shape[0]
     if n == 0:
@@ -69,25 +73,25 @@ def paired_difference(pairs: np.ndarray) -> Difference:
 
 
 def _exactly(difference: float, basis: str) -> Difference:
-    """Return a difference without spread; an undefined one bounds nothing."""
+    """Return a difference without spread; one that is NaN has an infinite interval."""
     bounds = (-np.inf, np.inf) if np.isnan(difference) else (difference, difference)
     return Difference(difference, *bounds, basis)
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Who is best in one cell, and why or why not."""
+    """The best controller in one cell, and why it is marked, or why none is."""
 
     best: str | None
-    """The controller marked, or None"""
+    """The controller that is marked, or None"""
     lowest: str | None
-    """The controller with the lowest mean, marked or not; None if there is no single one"""
+    """The controller with the lowest mean, marked or not; None if there is a tie"""
     basis: str
-    """One phrase: what the mark rests on, or why there is none"""
+    """In a few words: what the mark rests on, or why there is none"""
 
 
 def verdict(values: pd.DataFrame) -> Verdict:
-    """Judge one cell: `values` has a row for each repeat and a column for each controller; NaN where not completed."""
+    """Judge one cell. `values` has a row for each repeat and a column for each controller, NaN if not completed."""
     values = values.dropna(axis="columns", how="all")
     if values.shape[1] < 2:
         return Verdict(None, None, "one controller")
@@ -106,7 +110,7 @@ def verdict(values: pd.DataFrame) -> Verdict:
 
 
 def _against(pairs: np.ndarray) -> tuple[bool, str]:
-    """Judge pairs (n, 2) of a lower and another controller: whether the first wins, and the basis."""
+    """Judge `pairs` (n, 2) of the lowest and another controller; return whether the first wins, and the basis."""
     n = pairs.shape[0]
     if n and np.all(_close(pairs[:, 0], pairs[:, 1])):
         return False, "tie"
@@ -116,7 +120,7 @@ def _against(pairs: np.ndarray) -> tuple[bool, str]:
 
 
 def _close(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return where two values are equal up to rounding; infinities of one sign are equal."""
+    """Return where two values are equal up to rounding; infinities of the same sign are equal."""
     with np.errstate(invalid="ignore"):
         near = np.abs(a - b) <= ROUNDING * np.maximum(np.abs(a), np.abs(b))
     return (a == b) | (np.isfinite(a) & np.isfinite(b) & near)

@@ -1,4 +1,4 @@
-"""What goes into a panel: curves thinned without losing an extreme, and limits that hide nothing in silence."""
+"""The content of a panel: curves thinned without losing an extreme, and limits that report what they cut off."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from hilrig.core.signals import Array
 from hilrig.report.style import Style
 
 BUCKETS = 450
-"""Stretches of time per panel width; each keeps its smallest and its largest value"""
+"""Intervals of time across a panel; each keeps its smallest and its largest value"""
 
 RUNAWAY = 20.0
-"""A curve that reaches this many times further than every other is cut off, with a note"""
+"""A curve that goes this many times further than every other is cut off, with a note"""
 
 
 class Curve(NamedTuple):
@@ -26,7 +26,7 @@ class Curve(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """The range of a panel's vertical axis and what lies outside it."""
+    """The range of a panel's vertical axis, and notes on what lies outside it."""
 
     low: float
     high: float
@@ -34,7 +34,7 @@ class Limits(NamedTuple):
 
 
 def thin(time: Array, values: Array, buckets: int = BUCKETS) -> tuple[Array, Array]:
-    """Return at most about two points per bucket of `values` (N,): the smallest and the largest, in order of time."""
+    """Return about two points per bucket of `values` (N,) at most: the smallest and the largest, in order of time."""
     size = values.size // buckets
     if size <= 2:
         return time, values
@@ -55,11 +55,11 @@ def window(curve: Curve, start: float, end: float) -> Curve:
 def limits(curves: list[Curve], unit: str, reference: Array | None = None) -> Limits:
     """Return a range that covers every finite value of every curve, and of `reference`.
 
-    The exception: one curve that reaches `RUNAWAY` times further than all others would flatten them to a line. Then
-    the range covers the others threefold, and a note says which curve was cut and how far it goes.
+    The exception is one curve that goes `RUNAWAY` times further than all others, and would flatten them to a line. Then
+    the range is three times that of the others, and a note says which curve is cut off and how far it goes.
     """
     finite = [curve.values[np.isfinite(curve.values)] for curve in curves]
-    notes = [f"{c.label}: values that are not finite are left out" for c, f in zip(curves, finite, strict=True)
+    notes = [f"{c.label}: values that are not finite are not drawn" for c, f in zip(curves, finite, strict=True)
              if f.size < c.values.size]  # fmt: skip
     shown = [(c.label, f) for c, f in zip(curves, finite, strict=True) if f.size]
     fixed = [] if reference is None or reference.size == 0 else [reference]
@@ -71,7 +71,7 @@ def limits(curves: list[Curve], unit: str, reference: Array | None = None) -> Li
     if len(reach) > 1 and reach[-1][0] > RUNAWAY * reach[-2][0] > 0:
         others, (_, label, values) = reach[-2][0], reach[-1]
         kept = [*fixed, np.array([centre - 3 * others, centre + 3 * others])]
-        notes.append(f"{label} leaves the axis: {values.min():.3g} to {values.max():.3g} {unit}".rstrip())
+        notes.append(f"{label} goes off the axis: {values.min():.3g} to {values.max():.3g} {unit}".rstrip())
     low, high = min(float(k.min()) for k in kept), max(float(k.max()) for k in kept)
     margin = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
     return Limits(low - margin, high + margin, tuple(notes))

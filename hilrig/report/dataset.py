@@ -1,4 +1,4 @@
-"""From a run directory to trials and their signals. One trial is read at a time; nothing is kept here."""
+"""Reads a run directory: its documents, and the signals of one trial at a time."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from hilrig.recording.run_directory import (
 from hilrig.recording.timing import terms_of
 
 CHANNELS = ("truth", "command", "internals", "driver_timing", "controller_timing")
-"""The channels a report needs; instead of a truth that the driver does not know, what was measured"""
+"""The channels that a report needs; where the driver does not know the truth, the state takes its place"""
 
 Document = Mapping[str, Any]
 Channels = dict[str, dict[str, np.ndarray]]
@@ -38,14 +38,14 @@ Channels = dict[str, dict[str, np.ndarray]]
 
 @dataclass(frozen=True)
 class TrialEntry:
-    """One planned trial: its document from plan.json and what the rig said of it."""
+    """One planned trial: its document in plan.json, and how the rig says it ended."""
 
     folder: Path
     document: Document
     outcome: Document
-    """What `read_outcome` says of it"""
+    """As `read_outcome` returns it"""
     timing: Document
-    """timing.json, or empty"""
+    """Content of timing.json; empty if there is none"""
 
     @property
     def id(self) -> str:
@@ -69,23 +69,23 @@ class TrialEntry:
 
     @property
     def completed(self) -> bool:
-        """Whether it ran to its end and its record is whole"""
+        """Whether it ran to its end and its record is complete"""
         return self.outcome["outcome"] == "completed"
 
     @property
     def ending(self) -> str:
-        """How it ended; "invalid" if it came to an end outside its timing budget"""
+        """How it ended; "invalid" if it ran outside its timing budget"""
         return ending(self.outcome)
 
     @property
     def counts(self) -> bool:
-        """Whether it is compared: it completed within its timing budget"""
+        """Whether it is compared, because it completed within its timing budget"""
         return self.ending == "completed"
 
 
 @dataclass(frozen=True)
 class RunData:
-    """A run directory's documents; the bags stay on disk."""
+    """The documents of a run directory; the bags stay on disk."""
 
     path: Path
     experiment: Document
@@ -93,7 +93,7 @@ class RunData:
     trials: tuple[TrialEntry, ...]
     experiment_text: str
     bounds: Document
-    """What the plan says of the paper's bounds; empty in a plan made before it did"""
+    """What the plan says about the paper's bounds; empty in an old plan that says nothing"""
 
     @property
     def controllers(self) -> tuple[str, ...]:
@@ -106,14 +106,14 @@ class RunData:
         return tuple(dict.fromkeys(trial.condition for trial in self.trials))
 
     def as_expected(self, trial: TrialEntry) -> bool:
-        """Return whether the experiment expects that this trial ends as it did."""
+        """Return whether the experiment expects this trial to end as it did."""
         expect = self.experiment.get("expect") or ()
         return ends_as_expected(expect, trial.controller, trial.condition, trial.ending)
 
 
 @dataclass(frozen=True)
 class TrialSignals:
-    """The signals of one trial, on the ticks that all channels have: N ticks, m axes, n joints."""
+    """The signals of one trial at the ticks that all channels have: N ticks, m axes, n joints."""
 
     record: PhaseRecord
     """The whole trial"""
@@ -144,19 +144,19 @@ def _entry(path: Path, document: Document) -> TrialEntry:
 
 
 def read_signals(trial: TrialEntry) -> TrialSignals | None:
-    """Read one trial's bag; None if it has none, or too few ticks to say anything (fewer than 2)."""
+    """Return the signals in one trial's bag; None if there is no bag, or if it has fewer than 2 ticks."""
     return align(read_channels(trial), trial.document)
 
 
 def read_channels(trial: TrialEntry) -> Channels:
-    """Return the channels of one trial's bag that a report needs; empty if it has no bag."""
+    """Return the channels in one trial's bag that a report needs; empty if there is no bag."""
     bag = trial.folder / "bag.mcap"
     channels = read_bag(bag, CHANNELS) if bag.exists() else {}
     return channels if "truth" in channels or not channels else {**channels, **read_bag(bag, ("state",))}
 
 
 def align(channels: Channels, document: Document) -> TrialSignals | None:
-    """Bring a bag's channels onto their common ticks and name them for the metrics; None for fewer than 2 ticks."""
+    """Return a bag's channels at their common ticks, named as the metrics need them; None for fewer than 2 ticks."""
     plant = "truth" if "truth" in channels else "state"
     needed = [name for name in (plant, "command", "internals") if name in channels]
     if len(needed) < 3:
@@ -173,7 +173,7 @@ def align(channels: Channels, document: Document) -> TrialSignals | None:
 
 
 def _pick(channel: dict[str, np.ndarray], ticks: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the channel at `ticks`, all of which it has."""
+    """Return the rows of a channel at `ticks`; it must have all of them."""
     if channel["tick"].size == ticks.size:
         return channel
     rows = np.searchsorted(channel["tick"], ticks)
@@ -181,7 +181,7 @@ def _pick(channel: dict[str, np.ndarray], ticks: np.ndarray) -> dict[str, np.nda
 
 
 def timing_table(channels: Channels, one_clock: bool = True) -> Table | None:
-    """Return the stamps of a trial by tick; None if its bag has none, as that of a compiled trial."""
+    """Return the time stamps of a trial by tick; None if its bag has none, like that of a compiled trial."""
     driver = channels.get("driver_timing")
     return None if driver is None else join(driver, channels.get("controller_timing"), one_clock)
 
@@ -200,7 +200,7 @@ _STANDARD = frozenset(field.name for field in definition("Internals").fields)
 
 
 def _memory(internals: dict[str, np.ndarray]) -> dict[str, Array]:
-    """Return what is the law's own among the internals, as (N, k)."""
+    """Return the fields of the law's own memory among the internals, (N, k) each."""
     own = {name: values for name, values in internals.items() if name not in _STANDARD}
     return {name: values.reshape(values.shape[0], -1) for name, values in own.items()}
 

@@ -1,10 +1,9 @@
-"""What the experiment expected, and whether it was so.
+"""Whether the expectations of an experiment are met.
 
-The rule. A limit on a metric holds if every repeat keeps it. A limit on the difference of two controllers holds if the
-95 % interval of the mean paired difference lies wholly within it (`comparison.paired_difference`, as for the marks of
-the verdict table). Either must hold on every axis and under every condition, unless one is named, and every trial that
-it speaks of must have completed, within its timing budget. An outcome holds if it is that of every trial that it
-speaks of.
+The rule: a limit on a metric is met if every repeat keeps it. A limit on the difference of two controllers is met if
+the whole 95 % confidence interval of the mean paired difference keeps it (`comparison.paired_difference`, as for the
+marks in the verdict tables). Both must hold on every axis and under every condition, unless one is named, and every
+trial concerned must have completed within its timing budget. An outcome is met if every trial concerned ended so.
 """
 
 from __future__ import annotations
@@ -37,32 +36,32 @@ class Expected:
     seen: str
     """The value, in words"""
     basis: str
-    """Where the value was seen, and what it rests on"""
+    """Where the value was measured, and what it rests on"""
     met: bool
     missing: int
-    """Trials that did not complete or are invalid, without which its metric is not known: with one it is not met"""
+    """Number of trials concerned that did not complete or are invalid; if there is one, a limit is not met"""
     value: float | None
-    """The value in the metric's unit, for a difference the mean; None if nothing was measured, or of an outcome"""
+    """The value in the metric's unit, the mean for a difference; None if nothing was measured, and for an outcome"""
     low: float | None
-    """Lower end of a difference's 95 % interval, infinite if it cannot be judged; None for the metric itself"""
+    """Lower end of a difference's 95 % confidence interval, infinite if it cannot be judged; None for other values"""
     high: float | None
-    """Upper end"""
+    """Upper end of it"""
 
 
 class _Limits(NamedTuple):
-    """Between what a value must lie; None where there is no limit."""
+    """The limits of a value; None where there is none."""
 
     below: float | None
     above: float | None
 
     def beyond(self, low: float, high: float) -> float:
-        """Return how far what lies from `low` to `high` is beyond the nearer limit: negative within, inf for NaN."""
+        """Return how far the interval from `low` to `high` goes beyond a limit: negative within, inf for NaN."""
         over = -math.inf if self.below is None else high - self.below
         under = -math.inf if self.above is None else self.above - low
         return math.inf if math.isnan(low) or math.isnan(high) else max(over, under)
 
     def text(self, value: float) -> str:
-        """Return `value` with four digits, or as many as tell it from the limits."""
+        """Return `value` with four digits, or with as many as it takes to tell it from the limits."""
         given = [limit for limit in self if limit is not None]
         texts = (f"{value:.{digits}g}" for digits in range(4, 18))
         return next(text for text in texts if all(_sides(float(text), x) == _sides(value, x) for x in given))
@@ -73,7 +72,7 @@ def _sides(value: float, limit: float) -> tuple[bool, bool]:
 
 
 class _Seen(NamedTuple):
-    """A value that is judged, and the ends between which it is known to lie."""
+    """A value to judge, and the interval in which it is known to lie."""
 
     value: float
     low: float
@@ -84,9 +83,9 @@ class _Seen(NamedTuple):
 def judge(
     expectations: Sequence[Mapping[str, Any]], metrics: pd.DataFrame, trials: Sequence[TrialEntry]
 ) -> list[Expected]:
-    """Return each expectation, as plan.json has them, with the value that decides it.
+    """Judge the expectations, which are as in plan.json; return each with the value that decides it.
 
-    `metrics` is the tidy table of the trials that count, `trials` are all that were planned.
+    `metrics` is the tidy table of the trials that are compared, `trials` are all planned trials.
     """
     return [
         _judge_outcome(item, trials) if item.get("outcome") else _judge_metric(item, metrics, trials)
@@ -95,7 +94,7 @@ def judge(
 
 
 def _judge_outcome(expectation: Mapping[str, Any], trials: Sequence[TrialEntry]) -> Expected:
-    """Judge how trials ended; shown is the first that ended otherwise, or if there is none the first of all."""
+    """Judge how trials ended; the basis is the first that ended otherwise, or the first of all if none did."""
     wanted = expectation["outcome"]
     own = [trial for trial in trials if _speaks_of(expectation, trial)]
     others = [trial for trial in own if trial.ending != wanted]
@@ -112,9 +111,9 @@ def _judge_outcome(expectation: Mapping[str, Any], trials: Sequence[TrialEntry])
 
 
 def _ending(trial: TrialEntry, number: int) -> str:
-    """Return which trial it is, of how many, and why and when it ended; of a failure where that is told."""
+    """Return which trial it is, of how many, and why and when it ended."""
     outcome, first = trial.outcome, f", first of {number}" if number > 1 else ""
-    # The text of a failure names files of this machine; the reason of a trip has its time.
+    # The text of a failure names files on this machine; the reason of a trip contains its time.
     why = "see its log" if trial.ending == "failed" else reason(outcome) or trial.ending
     ticks = outcome.get("ticks", 0)
     when = "" if " at t = " in why or not ticks else f" at t = {ticks * trial.document['period']:.6g} s"
@@ -131,7 +130,7 @@ def _judge_metric(expectation: Mapping[str, Any], metrics: pd.DataFrame, trials:
     worst = max(found, key=lambda seen: limits.beyond(seen.low, seen.high), default=None)
     mine = [trial for trial in trials if _speaks_of(expectation, trial)]
     missing = sum(not trial.counts for trial in mine)
-    basis = [worst.basis] if worst else [] if missing else ["the metric has no value there"]
+    basis = [worst.basis] if worst else [] if missing else ["the metric has no value here"]
     basis += [_missing(mine)] * (missing > 0)
     return Expected(
         subject=_subject(expectation),
@@ -147,7 +146,7 @@ def _judge_metric(expectation: Mapping[str, Any], metrics: pd.DataFrame, trials:
 
 
 def _missing(trials: Sequence[TrialEntry]) -> str:
-    """Return how many of the trials are not measured, and why."""
+    """Return how many of the trials have no metrics, and why."""
     invalid = sum(trial.ending == INVALID for trial in trials)
     others = sum(not trial.counts for trial in trials) - invalid
     counts = ((others, "not completed"), (invalid, "invalid (timing)"))
@@ -196,11 +195,11 @@ def _basis(found: Difference, pairs: int, limits: _Limits, unit: str) -> str:
     if pairs and math.isnan(found.mean):
         return "the difference is undefined in a repeat"
     if pairs < LEAST_PAIRS and math.isinf(found.high):
-        return f"{found.basis}, too few to judge a difference: it takes {LEAST_PAIRS}"
+        return f"{found.basis}, too few to judge a difference ({LEAST_PAIRS} are needed)"
     if found.low == found.high:
         return found.basis
     ends = f"{limits.text(found.low)} to {limits.text(found.high)} {unit}".strip()
-    return f"{found.basis}, 95 % interval {ends}"
+    return f"{found.basis}, 95 % confidence interval {ends}"
 
 
 def _place(condition: str, axis: str) -> str:

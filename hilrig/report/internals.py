@@ -1,4 +1,4 @@
-"""Small multiples of what each control law published about itself."""
+"""The figure of a control law's memory: one small panel for each field."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from hilrig.report.style import COLOURS, Style
 
 COLUMNS = 3
 NAMED = 6
-"""Up to so many components are named in a panel; more are drawn and counted"""
+"""Up to this number of components are named in a panel; more are drawn, and their number is given"""
 
 _DOCUMENTED = re.compile(r"^.*,\s*\([^()]*\)\s*(?P<unit>.*)$", re.DOTALL)
 
 
 def memory_documents(kind: str) -> dict[str, str]:
-    """Return what the source of a controller's kind says below each field of its class `Memory`, by field.
+    """Return the docstring below each field of the class `Memory` in a controller's source, by field.
 
     A kind that builds on another has the other's, unless its own file has one. Empty where the kind can no longer be
     loaded or has no such class.
@@ -45,13 +45,13 @@ def memory_documents(kind: str) -> dict[str, str]:
 
 
 def unit_of(document: str) -> str | None:
-    """Return the unit at the end of "meaning, (shape,) unit"; "" for a pure number, None if it is not stated."""
+    """Return the unit at the end of "meaning, (shape,) unit"; "" for a pure number, None if none is stated."""
     match = _DOCUMENTED.match(document)
     return match["unit"].strip().rstrip(".") if match else None
 
 
 def internals_figure(trial: TrialEntry, signals: TrialSignals) -> Picture | None:
-    """Return one panel for every field of the law's memory; None if the law published nothing of its own."""
+    """Return a figure with one panel for every field of the law's memory; None if the law has none."""
     fields = signals.internals
     if not fields:
         return None
@@ -80,7 +80,7 @@ def _memory_panel(axes: Axes, name: str, signals: TrialSignals, document: str) -
     for depth, curve in enumerate(curves):
         draw(axes, curve, 3 + depth)
     unit = unit_of(document)
-    # One law's own components: none is cut for the sake of another, as a runaway controller would be.
+    # The components of one law: none is cut so that the others can be seen, as a runaway controller would be.
     bounds = limits([Curve(name, record.time, values.ravel(), curves[0].style)], unit or "")
     low, high = bounds.low, bounds.high
     axes.set(xlim=(record.time[0], record.time[-1]), ylim=(low, high))
@@ -93,7 +93,7 @@ def _memory_panel(axes: Axes, name: str, signals: TrialSignals, document: str) -
 
 
 def _name_components(axes: Axes, labels: list[str]) -> None:
-    """Name the components in their colours at the panel's upper right, where they are few."""
+    """Name the components at the panel's upper right, in their colours, if there are few."""
     if not 1 < len(labels) <= NAMED:
         return
     for i, label in enumerate(reversed(labels)):

@@ -1,7 +1,7 @@
 """JUnit XML, which CI systems read: a test case for each trial and for each expectation.
 
-There is no standard; this keeps what the common readers share (testsuites > testsuite > testcase > failure, as Jenkins'
-junit-10.xsd has them). No time stamps: the same run makes the same file.
+There is no standard. This file keeps to what the common readers share: testsuites > testsuite > testcase > failure, as
+in Jenkins' junit-10.xsd. It has no time stamps, so the same run makes the same file.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from hilrig.report.dataset import RunData, TrialEntry
 from hilrig.report.expectations import Expected
 
 _NOT_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
-"""Characters that XML 1.0 cannot hold, not even escaped; a reason may quote anything."""
+"""Characters that XML 1.0 cannot contain, not even escaped; a reason may quote anything"""
 
 
 def junit_xml(data: RunData, expected: Sequence[Expected]) -> str:
-    """Return the run as JUnit XML: one test suite, failures where a trial or an expectation failed.
+    """Return the run as JUnit XML: one test suite, with a failure for each trial and each expectation that failed.
 
-    A trial that did not complete is no failure if the experiment expects just that. One outside its timing budget is.
+    A trial that did not complete is no failure if the experiment expects that. A trial outside its timing budget is.
     """
     name = data.manifest["name"]
     cases = [_trial(name, trial, data.as_expected(trial)) for trial in data.trials] + [
@@ -48,7 +48,7 @@ def _trial(name: str, trial: TrialEntry, as_expected: bool) -> ET.Element:
 def _expectation(name: str, item: Expected) -> ET.Element:
     case = _case(f"{name}.expect", f"{item.subject}: {item.limit}", 0.0)
     if not item.met:
-        _fail(case, "not met", f"expected {item.limit}, seen {item.seen} ({item.basis})")
+        _fail(case, "not met", f"expected {item.limit}, got {item.seen} ({item.basis})")
     return case
 
 
@@ -62,5 +62,5 @@ def _fail(case: ET.Element, kind: str, message: str) -> None:
 
 
 def _clean(text: str) -> str:
-    """Return `text` with a replacement character for each one that XML cannot hold."""
+    """Return `text` with a replacement character for each one that XML cannot contain."""
     return _NOT_XML.sub("\ufffd", text)

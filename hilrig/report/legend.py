@@ -1,4 +1,4 @@
-"""The legend above the panels: as many rows as its names need, and the room that they take."""
+"""The legend above the panels: how many rows its names need, and how high they are."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from hilrig.report.plotting import Figure, FontProperties, Line2D, TextPath
 from hilrig.report.style import RC, REFERENCE, Style
 
 MOST = 6
-"""Names in a row, at most"""
+"""Most names in a row"""
 SPACING, PAD = 1.6, 0.8
-"""Between two columns, and between a line and its name, in heights of the font"""
+"""Space between two columns, and between a line and its name, in heights of the font"""
 ROW = 1.5 * RC["legend.fontsize"] / 72
 """Height of a row, inches"""
 
 
 class Legend(NamedTuple):
-    """What a figure's legend names, and in how many columns."""
+    """The names in a figure's legend, and its number of columns."""
 
     styles: dict[str, Style]
     """By name"""
     reference: bool
-    """Whether the reference is named, too, before all others"""
+    """Whether the reference is named too, as the first"""
     columns: int
 
     @property
@@ -34,7 +34,7 @@ class Legend(NamedTuple):
 
 
 def legend_of(styles: dict[str, Style], reference: bool, width: float) -> Legend:
-    """Return the legend with the most columns that fit into `width` inches, one at least."""
+    """Return the legend with the most columns that fit into `width` inches, at least one."""
     names = ["reference"] * reference + list(styles)
     for columns in range(min(MOST, len(names)), 1, -1):
         if _width(names, columns) <= width:
@@ -43,9 +43,9 @@ def legend_of(styles: dict[str, Style], reference: bool, width: float) -> Legend
 
 
 def _width(names: Sequence[str], columns: int) -> float:
-    """Return the width of a legend of so many columns, filled one after the other, inches."""
+    """Return the width of a legend with this number of columns, which are filled one after the other, inches."""
     size = float(RC["legend.fontsize"])
-    # As matplotlib parts them; the array is one of objects, so that it holds the names whole.
+    # Matplotlib splits the names in the same way. An array of objects keeps every name at its full length.
     parts = np.array_split(np.array(names, dtype=object), columns)
     widest = sum(max(_text_width(name, size) for name in part) for part in parts)
     return (widest + columns * (RC["legend.handlelength"] + PAD) * size + (columns - 1) * SPACING * size) / 72
@@ -58,7 +58,7 @@ def _text_width(text: str, size: float) -> float:
 
 
 def draw_legend(figure: Figure, legend: Legend, left: float) -> None:
-    """Name the curves above the panels, from `left` (fraction of the figure's width) on."""
+    """Draw the legend above the panels, starting at `left`, a fraction of the figure's width."""
     handles = [Line2D([], [], color=s.colour, linestyle=s.dash, label=name) for name, s in legend.styles.items()]
     if legend.reference:
         handles.insert(0, Line2D([], [], color=REFERENCE, linewidth=0.7, label="reference"))

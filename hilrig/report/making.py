@@ -1,4 +1,4 @@
-"""Makes the report of a measured run: draws what is compared, writes the page and its numbers."""
+"""Makes the report of a measured run: draws the figures, and writes the page and its numbers."""
 
 from __future__ import annotations
 
@@ -29,19 +29,21 @@ REPORTS = Path("reports")
 
 
 def make_report(run: Path, out: Path | None = None) -> Path:
-    """Make the report of a run from its directory alone: `measure_run`, then `write_report`; return the page's path."""
+    """Measure a run and write its report, from the run's directory alone; return the page's path."""
     return write_report(measure_run(run, to_draw=True), out)
 
 
 def write_report(measured: Measured, out: Path | None = None) -> Path:
-    """Draw and write the report of a run that was measured `to_draw`; return the path of its page.
+    """Write the report of a run that was measured `to_draw`; return the path of its page.
 
     Writes index.html, figures/, metrics.csv and summary.json into `out` (default reports/<name of the run>). Raises
-    RunDirectoryError if the run has nothing to report, or if `out` cannot be made.
+    RunDirectoryError if no trial left anything to report, or if `out` cannot be made.
     """
     data, metrics = measured.data, measured.metrics
     if not measured.sources:
-        raise RunDirectoryError(f"{data.path}: no trial left a usable bag; see: hilrig show {data.path}")
+        raise RunDirectoryError(
+            f"{data.path}: no trial left a usable bag; to see how they ended: hilrig show {data.path}"
+        )
     folder = out or REPORTS / data.path.resolve().name
     with suppress(FileExistsError):
         make_directory(folder / "figures")
@@ -87,7 +89,7 @@ def _timing_figures(measured: Measured, folder: Path) -> list[Shown]:
 
 
 def _scene(measured: Measured) -> tuple[TrialEntry, Any] | None:
-    """Return the trial to animate, the first that is drawn and compared, with its joint positions."""
+    """Return the trial to animate (the first that is drawn and compared) and its joint positions (N, n), rad."""
     for trials in measured.drawn.values():
         for trial in trials.values():
             if trial.counts and trial.id in measured.kept:
@@ -96,7 +98,7 @@ def _scene(measured: Measured) -> tuple[TrialEntry, Any] | None:
 
 
 def _summary(content: Content) -> dict[str, Any]:
-    """Return the report's numbers for programs."""
+    """Return the report's numbers, for programs."""
     data = content.run
     cells = [
         {"condition": cell[0], "phase": cell[1], "metric": cell[2], "axis": cell[3], **vars(verdict)}

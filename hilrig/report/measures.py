@@ -1,4 +1,4 @@
-"""From signals to the tidy table of metrics: one row for each trial, phase, metric and axis."""
+"""The tidy table of metrics: one row for each trial, phase, metric and axis."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ _OVER_TIME = (
 
 
 def all_metrics() -> dict[str, Metric]:
-    """Return every metric there is, by kind, with its default parameters."""
+    """Return every metric with its default parameters, by kind."""
     return {kind: plugins.load("metrics", kind, None)() for kind in plugins.kinds("metrics")}
 
 
 def spans(record: PhaseRecord, phases: list[Mapping[str, Any]]) -> Iterator[tuple[str, PhaseRecord]]:
-    """Yield each phase by name, then the whole trial under "all". A phase without recorded ticks is left out."""
+    """Yield (name, record) of each phase with recorded ticks, then of the whole trial under "all"."""
     for phase in phases:
         first, last = (round(phase[edge] / record.period) for edge in ("start", "end"))
         rows = np.flatnonzero((record.tick >= first) & (record.tick < last))
@@ -61,16 +61,16 @@ def measure(trial: TrialEntry, signals: TrialSignals, metrics: Mapping[str, Metr
 
 
 def table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
-    """Return the tidy table of these rows."""
+    """Return the tidy table with these rows."""
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def read_table(text: Any) -> pd.DataFrame:
-    """Read a metrics.csv (path or file); an empty axis or unit stays an empty string. Raises RunDirectoryError."""
+    """Read a metrics.csv (path or file); empty axes and units stay empty strings. Raises RunDirectoryError."""
     try:
         found = pd.read_csv(text, dtype=_TYPES, keep_default_na=False, na_values={"value": ["nan", "NaN", ""]})
     except ValueError as error:
-        raise RunDirectoryError(f"{text}: no table of metrics ({error})") from error
+        raise RunDirectoryError(f"{text}: not a table of metrics ({error})") from error
     if missing := set(COLUMNS) - set(found.columns):
-        raise RunDirectoryError(f"{text}: no table of metrics, it lacks the column '{min(missing)}'")
+        raise RunDirectoryError(f"{text}: not a table of metrics, the column '{min(missing)}' is missing")
     return found

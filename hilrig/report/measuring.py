@@ -1,4 +1,4 @@
-"""Measures a run: each bag is read once, and metrics and expectations follow. Draws nothing."""
+"""Measures a run: reads each bag once, computes the metrics and judges the expectations. It draws nothing."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ Drawn = Mapping[str, Mapping[str, TrialEntry]]
 
 @dataclass(frozen=True)
 class Kept:
-    """What is kept of the bag of a trial that is to be drawn."""
+    """What is kept from the bag of a trial that is to be drawn."""
 
     signals: TrialSignals
     joints: Any
     """Joint positions, (N, n) rad"""
     table: Table | None
-    """Its ticks' stamps, in real time; None if it has none"""
+    """The time stamps of its ticks in real time; None if it has none"""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Measured:
 
     data: RunData
     metrics: pd.DataFrame
-    """The tidy table of the trials that count"""
+    """The tidy table of the trials that are compared"""
     expected: list[Expected]
     sources: list[str]
     """Where positions and forces come from: "truth", "measurement" or both; empty if no trial left a usable bag"""
@@ -48,9 +48,9 @@ class Measured:
     most_late: Drawn
     """The repeats with the most late ticks, whose lateness is drawn; empty in lockstep"""
     kept: Mapping[str, Kept]
-    """By trial id, of those in `drawn` and `most_late` that left a usable bag"""
+    """By trial id, for those in `drawn` and `most_late` that left a usable bag"""
     command_ages: Mapping[str, list[Array]]
-    """By controller, of each trial in real time that counts, (K,) s; in lockstep the delay is what was set"""
+    """By controller, for each compared trial in real time, (K,) s; in lockstep the delay is the one that was set"""
 
 
 @dataclass(frozen=True)
@@ -62,10 +62,10 @@ class _Read:
 
 
 def measure_run(run: Path, to_draw: bool = False) -> Measured:
-    """Measure the trials of a run that count, and judge what was expected of them; keep signals if they are `to_draw`.
+    """Measure the compared trials of a run and judge its expectations; `to_draw`: keep the signals that figures need.
 
-    Writes metrics.csv into the run directory, unless a record has been damaged since, or the run can only be read.
-    Raises RunDirectoryError if `run` is not one.
+    Writes metrics.csv into the run directory, unless a bag is damaged or the directory is read-only. Raises
+    RunDirectoryError if `run` is not a run directory.
     """
     data = load_run(run)
     drawn = _first_repeats(data) if to_draw else {}
@@ -96,7 +96,7 @@ def _command_ages(data: RunData, reads: Mapping[str, _Read]) -> dict[str, list[A
 
 
 def _first_repeats(data: RunData) -> Drawn:
-    """Return the first repeat that counts of each condition and controller, or its first at all."""
+    """Return, for each condition and controller, the first repeat that is compared, or else the first of all."""
     chosen: dict[str, dict[str, TrialEntry]] = {condition: {} for condition in data.conditions}
     for trial in sorted(data.trials, key=lambda trial: (not trial.counts, trial.repeat)):
         chosen[trial.condition].setdefault(trial.controller, trial)
@@ -107,7 +107,7 @@ def _first_repeats(data: RunData) -> Drawn:
 
 
 def _most_late(data: RunData) -> Drawn:
-    """Return the repeat in real time with the most late ticks, of each condition and controller."""
+    """Return, for each condition and controller in real time, the repeat with the most late ticks."""
     chosen: dict[str, dict[str, TrialEntry]] = {}
     for trial in sorted(data.trials, key=lambda trial: (-trial.timing.get("late", 0), trial.repeat)):
         if trial.timing.get("ticks") and terms_of(trial.document).realtime:
@@ -119,7 +119,7 @@ def _most_late(data: RunData) -> Drawn:
 
 
 def _read_all(data: RunData, kept: Collection[str]) -> dict[str, _Read]:
-    """Read the bags one after the other; return what they hold, by trial id, of each trial that left something."""
+    """Read the bags one after the other; return what each usable one contains, by trial id."""
     reads = {t.id: _read(t, t.id in kept) for t in data.trials if t.counts or t.id in kept}
     return {name: read for name, read in reads.items() if read is not None}
 

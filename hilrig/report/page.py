@@ -1,4 +1,4 @@
-"""The page: what the report found, laid out as one HTML file that needs no other."""
+"""The page of a report: one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from hilrig.report.dataset import RunData
 from hilrig.report.expectations import Expected
 from hilrig.report.measures import all_metrics
 from hilrig.report.timing_section import TimingSection
-from hilrig.report.verdict_table import Cell, answer, verdict_tables
+from hilrig.report.verdict_table import Cell, answer, metric_title, verdict_tables
 
 STYLE = resources.files("hilrig.report").joinpath("page.css").read_text("utf-8")
 """The look of every page: CSS"""
@@ -28,20 +28,20 @@ STYLE = resources.files("hilrig.report").joinpath("page.css").read_text("utf-8")
 
 @dataclass(frozen=True)
 class Shown:
-    """A picture for the page."""
+    """A picture on the page."""
 
     name: str
     title: str
     caption: str
     source: str
-    """Data URI of the picture; "" if there is none, and the caption says why"""
+    """Data URI of the picture; "" if there is none, and then the caption says why"""
     file: str
-    """Name of its files in figures/, without the ending"""
+    """Name of its files in figures/, without the suffix"""
 
 
 @dataclass(frozen=True)
 class Content:
-    """All that the page shows."""
+    """Everything that the page shows."""
 
     run: RunData
     metrics: pd.DataFrame
@@ -54,7 +54,7 @@ class Content:
     sources: list[str]
     """Where positions and forces come from: "truth", "measurement" or both"""
     folder: Path
-    """Where the report goes"""
+    """Folder of the report"""
     bounds: BoundsSection
     timing: TimingSection
     timing_figures: list[Shown]
@@ -72,6 +72,7 @@ def render_page(content: Content) -> str:
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     environment.filters["number"] = number
     environment.filters["reason"] = reason
+    environment.filters["metric"] = metric_title
     template = environment.from_string(resources.files("hilrig.report").joinpath("page.html.j2").read_text("utf-8"))
     run, manifest = content.run, content.run.manifest
     return template.render(
@@ -80,7 +81,7 @@ def render_page(content: Content) -> str:
         manifest=manifest,
         name=manifest.get("name") or run.path.resolve().name,
         run_name=run.path.resolve().name,
-        question=run.experiment.get("question") or manifest.get("question") or "No question was asked",
+        question=run.experiment.get("question") or manifest.get("question") or "No question was stated",
         answer=_answer(content),
         completed=[trial for trial in run.trials if trial.counts],
         excluded=[trial for trial in run.trials if not trial.counts],
@@ -101,16 +102,16 @@ def render_page(content: Content) -> str:
 
 
 def _answer(content: Content) -> list[str]:
-    """Return the answer's sentences; one that says so if there is nothing to answer with."""
+    """Return the sentences of the answer, or one that says why there is none."""
     if not content.verdicts:
         invalid = any(trial.ending == INVALID for trial in content.run.trials)
         none = "No trial completed within its timing budget" if invalid else "No trial completed"
-        return [f"{none}: there is nothing to compare."]
+        return [f"{none}, so there is nothing to compare."]
     return answer(content.verdicts, content.summary, content.run.controllers)
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return `value` with so many significant digits, as a person writes it; "–" for none, "∞" for infinite."""
+    """Return `value` with `digits` significant digits, as a person writes it; "–" for None and NaN, "∞" if infinite."""
     if value is None or math.isnan(value):
         return "–"
     if math.isinf(value):

@@ -1,4 +1,4 @@
-"""The parts of a comparison figure: panels over time with enlarged stretches, the legend, the caption."""
+"""The parts of a comparison figure: panels over time, enlarged intervals, the legend, the caption."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ TOP, BOTTOM, LEFT, RIGHT = 0.42, 0.42, 0.62, 0.1
 MARK = 9.0
 """Height of a row of marks, points"""
 OUTLINE = (withStroke(linewidth=1.6, foreground="#ffffff"),)
-"""Around the letters of a mark, so that it can be read over curves and hides little of them"""
+"""Outline of the letters of a mark, so that it can be read over curves and hides little of them"""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """The trials of one condition that the figures show: one of each controller."""
+    """The trials of one condition that the figures show, one for each controller."""
 
     trials: dict[str, tuple[TrialEntry, TrialSignals]]
     controllers: tuple[str, ...]
-    """All of the experiment's controllers: a controller keeps its colour in every figure"""
+    """All controllers of the experiment, so that each has the same colour in every figure"""
 
     @property
     def some(self) -> TrialSignals:
-        """Signals of one of the trials, for what they have in common"""
+        """Signals of one of the trials, for what all have in common"""
         return next(iter(self.trials.values()))[1]
 
     @property
     def end(self) -> float:
-        """Last time shown, s."""
+        """Last time shown, s"""
         return max(float(s.record.time[-1]) + s.record.period for _, s in self.trials.values())
 
     @property
@@ -59,14 +59,14 @@ class Picture:
 
 
 def controller_curves(drawn: Drawn, pick: Callable[[TrialSignals], Array]) -> list[Curve]:
-    """Return a curve for each controller drawn; the widest first, so that it hides no other."""
+    """Return a curve for each controller drawn; the noisiest first, so that it hides no other."""
     looks = styles(drawn.controllers)
     curves = [Curve(name, s.record.time, pick(s), looks[name]) for name, (_, s) in drawn.trials.items()]
     return sorted(curves, key=lambda curve: -float(np.nanstd(np.diff(curve.values))))
 
 
 def zoom_windows(phases: list[Any], end: float) -> list[tuple[str, float, float]]:
-    """Return (title, from, to) of the enlarged stretches: the start, each change of phase, and the end."""
+    """Return (title, from, to) of the enlarged intervals: the start, each change of phase, and the end."""
     first = phases[0]["end"] - phases[0]["start"]
     windows = [("start", 0.0, min(2.0, first / 2, end))]
     for before, after in itertools.pairwise(phases):
@@ -86,7 +86,7 @@ def with_zoom(
     curves: list[Curve],
     reference: tuple[Array, Array] | None,
 ) -> Picture:
-    """Return a figure with the whole trial above and the enlarged stretches below."""
+    """Return a figure with the whole trial above and the enlarged intervals below."""
     stretches = zoom_windows(drawn.phases, drawn.end)
     columns = min(3, len(stretches))
     rows = -(-len(stretches) // columns)
@@ -104,7 +104,7 @@ def with_zoom(
     for axes in figure.axes:
         axes.set_xlabel("time [s]", labelpad=1.5)
     name_curves(figure, named)
-    return Picture(name, title, caption(drawn, "Grey bands are enlarged below.", notes), figure)
+    return Picture(name, title, caption(drawn, "The grey intervals are enlarged below.", notes), figure)
 
 
 def panel(
@@ -115,7 +115,7 @@ def panel(
     unit: str,
     span: tuple[float, float],
 ) -> tuple[str, ...]:
-    """Draw curves over `span` and return what the limits had to leave out; it is written on the panel too."""
+    """Draw curves over `span`; return notes on what the limits leave out, which are written on the panel too."""
     wanted = None
     if reference is not None:
         wanted = window(Curve("", *reference, Style(REFERENCE, "-")), *span)
@@ -141,10 +141,10 @@ def draw(axes: Axes, curve: Curve, depth: float) -> None:
 def canvas(
     rows: int, columns: int, first: float, other: float, top: float = TOP, between: float = 0.24
 ) -> tuple[Figure, Any]:
-    """Return a figure across a page's two columns, and its grid.
+    """Return a figure as wide as two columns of a page, and its grid.
 
-    `first`, `other` and `top` are the heights of the first row, the others and the margin in inches; `between` is the
-    gap between columns over their width.
+    `first`, `other` and `top` are the heights of the first row, of each other row and of the margin at the top, inches;
+    `between` is the gap between columns, as a fraction of their width.
     """
     gap = 0.52
     height = top + BOTTOM + first + (rows - 1) * (other + gap)
@@ -159,7 +159,7 @@ def canvas(
 
 
 def mark_phases(axes: Axes, drawn: Drawn) -> None:
-    """Mark where phases begin, and where a trial ended that is not compared."""
+    """Mark where phases begin, and where trials that are not compared ended."""
     for phase in drawn.phases:
         if phase["start"] < drawn.end:
             axes.annotate(phase["name"], (phase["start"], 1.0), xycoords=("data", "axes fraction"), xytext=(3, 2),
@@ -171,7 +171,7 @@ def mark_phases(axes: Axes, drawn: Drawn) -> None:
     for row, (name, signals) in enumerate(early.items()):
         ended, outcome = float(signals.record.time[-1]), drawn.trials[name][0].ending
         axes.axvline(ended, color=looks[name].colour, linewidth=0.8, zorder=40)
-        # Each mark in a row of its own, towards the middle: none lies on another, none leaves the panel.
+        # Each mark has a row of its own and points to the middle: none covers another or leaves the panel.
         side = 1 if ended <= 0.6 * drawn.end else -1
         axes.annotate(f"{name} {outcome}", (ended, 0.02), xycoords=("data", "axes fraction"),
                       xytext=(3 * side, 2 + MARK * row), textcoords="offset points", fontsize=7, zorder=45,
@@ -190,10 +190,10 @@ def name_curves(figure: Figure, named: Legend) -> None:
 
 
 def caption(drawn: Drawn, text: str, notes: list[str]) -> str:
-    """Say what is shown: which repeats, from which source, and what was cut."""
+    """Return the caption: which repeats are shown, from which source, and what was cut off."""
     repeats = sorted({trial.repeat for trial, _ in drawn.trials.values()})
     sources = sorted({signals.source for _, signals in drawn.trials.values()})
     shown = f"Repeat {', '.join(map(str, repeats))} of each controller; " + (
-        "the plant's true signals." if sources == ["truth"] else f"signals: {' and '.join(sources)}."
+        "true signals of the plant." if sources == ["truth"] else f"signals: {' and '.join(sources)}."
     )
     return " ".join([shown, text, *(f"{note}." for note in dict.fromkeys(notes))])

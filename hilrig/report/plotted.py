@@ -1,4 +1,4 @@
-"""The quantities that figures show over time, by name: their values by axis, their references, their units."""
+"""The quantities that figures show over time, by name, with their values, references and units."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ ByAxis = dict[str, Array]
 
 
 class Quantity(NamedTuple):
-    """Something that is measured at every tick, for some axes or for all."""
+    """Something that has a value at every tick, for some axes or for all."""
 
     title: str
-    """Of a figure"""
+    """Title of a figure"""
     label: str
-    """At the vertical axis of a panel"""
+    """Label of a panel's vertical axis"""
     unit: str
     values: Callable[[PhaseRecord], ByAxis]
     """Values in `unit`"""
     reference: Callable[[PhaseRecord], ByAxis] | None = None
-    """What the values are to follow, in `unit`"""
+    """What the values should follow, in `unit`"""
 
 
 def _by_axis(values: Array, record: PhaseRecord, sigma: int | None = None) -> ByAxis:
@@ -37,7 +37,8 @@ QUANTITIES: Mapping[str, Quantity] = {
         lambda r: _by_axis(r.position, r, 1), lambda r: _by_axis(r.reference_position, r, 1),
     ),
     "position_error": Quantity(
-        "Position error", "error", "mm", lambda r: {axis: 1e3 * error for axis, error in r.position_error().items()}
+        "Position error", "position error", "mm",
+        lambda r: {axis: 1e3 * error for axis, error in r.position_error().items()},
     ),
     "force": Quantity(
         "Force tracking", "force", "N", lambda r: _by_axis(r.force, r, 0), lambda r: _by_axis(r.reference_force, r, 0)
@@ -47,4 +48,4 @@ QUANTITIES: Mapping[str, Quantity] = {
         "Auxiliary error, eq. (25)", "auxiliary error", "N", lambda r: _by_axis(r.auxiliary_error(), r)
     ),
 }  # fmt: skip
-"""In the order of the report's page"""
+"""In the order in which the page shows them"""

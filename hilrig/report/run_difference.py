@@ -17,7 +17,7 @@ KEY = ["controller", *CELL]
 
 
 def run_metrics(run: RunData) -> pd.DataFrame:
-    """Return the metrics of a run's trials that count: its metrics.csv, or measured now if it has none."""
+    """Return the metrics of a run's compared trials, from its metrics.csv or, if there is none, measured now."""
     stored = run.path / "metrics.csv"
     if stored.exists():
         return read_table(stored)
@@ -32,9 +32,9 @@ def compare(run_a: Path, run_b: Path) -> pd.DataFrame:
     """Return the difference b - a of every metric that both runs have, over the repeats that both completed.
 
     Columns: controller, condition, phase, metric, axis, unit, a, b, difference, relative, low, high, repeats. `low` and
-    `high` bound the mean difference (95 % t interval); they are infinite for fewer than two repeats, and where the
-    seeds of the runs differ, so that repeats are not pairs. `attrs["notes"]` lists what limits the comparison.
-    Raises RunDirectoryError if a directory is not a run, or if they have nothing in common.
+    `high` are the 95 % confidence interval (Student's t) of the mean difference; they are infinite for fewer than two
+    repeats, and if the seeds of the runs differ, because then repeats are not pairs. `attrs["notes"]` lists what limits
+    the comparison. Raises RunDirectoryError if a directory is not a run, or if the runs have nothing in common.
     """
     a, b = load_run(run_a), load_run(run_b)
     tables = [run_metrics(run) for run in (a, b)]
@@ -62,28 +62,28 @@ def _row(key: tuple[str, ...], rows: pd.DataFrame, paired: bool) -> tuple[object
 
 
 def _notes(a: RunData, b: RunData, unmatched: int) -> list[str]:
-    """Say what makes the two runs differ as experiments, or cannot be compared."""
+    """Return in which respects the two runs differ as experiments, and what cannot be compared."""
     notes = [
         f"{what} differs: {a.manifest.get(what)} and {b.manifest.get(what)}"
         for what in ("name", "seed", "commit", "clock")
         if a.manifest.get(what) != b.manifest.get(what)
     ]
     if a.manifest.get("seed") != b.manifest.get("seed"):
-        notes.append("with different seeds repeats are not pairs: no interval is given")
+        notes.append("the runs have different seeds, so repeats are not pairs and there is no interval")
     if a.experiment.get("period") != b.experiment.get("period"):
-        notes.append("the periods differ: chattering cannot be compared")
+        notes.append("the periods differ, so chattering cannot be compared")
     if unmatched:
-        notes.append(f"{unmatched} values are in one run only, and left out")
+        notes.append(f"values that only one run has, left out: {unmatched}")
     return notes
 
 
 def _signed(difference: float) -> str:
-    """Return the difference with its sign; a dash where both values are infinite and there is none."""
+    """Return the difference with its sign; a dash if it is NaN, because both values are infinite."""
     return "–" if np.isnan(difference) else f"{difference:+.3g}"
 
 
 def render(differences: pd.DataFrame) -> str:
-    """Return the table of `compare` as text for a terminal: "*" where the interval excludes zero, then the notes."""
+    """Return the table of `compare` as text for a terminal, "*" where the interval excludes zero, with the notes."""
     lines = [f"{'controller':14} {'condition':12} {'phase':10} {'metric':28} {'a':>11} {'b':>11} {'b - a':>11} {'':>8}"]
     rows: Any = differences.itertuples()
     for row in rows:
@@ -94,5 +94,7 @@ def render(differences: pd.DataFrame) -> str:
             f"{row.controller:14} {row.condition:12} {row.phase:10} {name:28} "
             f"{row.a:11.4g} {row.b:11.4g} {_signed(row.difference):>11} {change:>8} {mark}".rstrip()
         )
-    lines.append("* the 95 % t interval of the paired difference excludes zero; lower is better in every metric")
+    lines.append(
+        "* the 95 % confidence interval of the paired difference excludes zero; lower is better in every metric"
+    )
     return "\n".join([*lines, *(f"note: {note}" for note in differences.attrs["notes"])])

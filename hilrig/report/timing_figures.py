@@ -1,4 +1,4 @@
-"""The figures of the certificate: lateness over time with the late ticks, and how often a time was exceeded."""
+"""The figures of the timing certificate: lateness over time with the late ticks, and the tails of the distributions."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from hilrig.report.plotting import Axes, LogLocator, NullFormatter, figure_style
 from hilrig.report.style import MUTED, TWO_COLUMNS, Style, styles
 
 COLOURS = dict(zip(CAUSES, ("#0072B2", "#E69F00", "#D55E00", "#8A8A8A"), strict=True))
-"""Of late ticks by cause"""
+"""Colours of late ticks, by cause"""
 LEAST = 0.1
-"""us: what a logarithmic axis shows of less"""
+"""us; lower values are drawn here on a logarithmic axis"""
 LINE = "#4d4d4d"
 FINE = (1.0, 2.0, 5.0)
-"""Ticks in a decade of an axis that has few of them"""
+"""Tick labels in a decade of an axis that has few decades"""
 FEW_DECADES = 100.0
-"""Upper end over lower end of such an axis"""
+"""Upper end over lower end below which an axis has few decades"""
 WIDTH = TWO_COLUMNS - LEFT - RIGHT
 
 
 class Stamped(NamedTuple):
-    """A trial with the stamps of its ticks."""
+    """A trial with the time stamps of its ticks."""
 
     trial: TrialEntry
     table: Table
@@ -39,7 +39,7 @@ class Stamped(NamedTuple):
 
 
 def lateness_figure(condition: str, trials: Mapping[str, Stamped]) -> Picture:
-    """Return lateness over time, a panel for each controller, and the late ticks in their causes' colours."""
+    """Return lateness over time, a panel for each controller, with the late ticks in the colours of their causes."""
     with figure_style():
         named = legend_of({f"late: {name}": Style(colour, "-") for name, colour in COLOURS.items()}, False, WIDTH)
         figure, grid = canvas(len(trials), 1, 1.3, 1.3, top=TOP + named.further)
@@ -49,8 +49,9 @@ def lateness_figure(condition: str, trials: Mapping[str, Stamped]) -> Picture:
             axes.set_title(f"{name}, repeat {stamped.trial.repeat}", loc="left", color="#444444", pad=3)
         name_curves(figure, named)
     text = (
-        f"Condition {condition}, of each controller the repeat with the most late ticks: from due to awake. "
-        "Marks above: late ticks, a row and a colour for each cause. Dashed: one period."
+        f"Condition {condition}; for each controller the repeat with the most late ticks. Lateness is the time from "
+        "when a tick was due to when the driver woke. Marks at the top: late ticks, one row and one colour per cause. "
+        "Dashed line: one period."
     )
     return Picture(f"lateness_{condition}", "Lateness", text, figure)
 
@@ -63,7 +64,7 @@ def _over_time(axes: Axes, stamped: Stamped) -> None:
     axes.axhline(1e6 * period, color=MUTED, linewidth=0.7, linestyle=(0, (4, 2)))
     axes.set_yscale("log")
     low, high = LEAST, max(float(lateness.max(initial=0.0)), 1e6 * period)
-    # Above the curve stands a quarter of the panel for the marks.
+    # A quarter of the panel above the curve is free for the marks.
     axes.set_ylim(max(low, float(lateness.min(initial=high)) / 2), high * (high / max(low, 1.0)) ** 0.35)
     for number, colour in enumerate(COLOURS.values()):
         at = time[stamped.found.cause == number]
@@ -75,7 +76,7 @@ def _over_time(axes: Axes, stamped: Stamped) -> None:
 
 
 def tail_figure(trials: Sequence[TrialEntry], controllers: tuple[str, ...]) -> Picture | None:
-    """Return the share of ticks that were above a time, for lateness and command age; None if no trial tells."""
+    """Return the share of ticks at or above each lateness and command age; None if no trial has histograms."""
     told = [trial for trial in trials if trial.timing.get("histograms", {}).get("lateness")]
     if not told:
         return None
@@ -101,10 +102,10 @@ def tail_figure(trials: Sequence[TrialEntry], controllers: tuple[str, ...]) -> P
             axes.set_ylabel("share of ticks at or above")
         name_curves(figure, named)
     text = (
-        "One line for each trial, from the bins of timing.json. Dashed: one period for the lateness, "
-        "the budget's limit on the 99th percentile for the command age."
+        "One line per trial, from the histograms in timing.json. Dashed line: one period for the lateness, and the "
+        "budget's limit on the 99th percentile for the command age."
     )
-    return Picture("timing_tail", "How often a time was exceeded", text, figure)
+    return Picture("timing_tail", "Tails of lateness and command age", text, figure)
 
 
 def _tail(axes: Axes, bins: list[list[int]], look: Style) -> None:

@@ -1,4 +1,4 @@
-"""The section "Timing": the certificate of every trial, from its timing.json."""
+"""The section "Timing": the timing certificate of every trial, from its timing.json."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ TIMES = {
     "lateness": "lateness", "command_age": "command age", "state_transport": "state transport", "compute": "compute",
     "command_transport": "command transport", "round_trip": "round trip",
 }  # fmt: skip
-"""Quantities of timing.json, and what they are called"""
+"""The quantities in timing.json, and their titles"""
 IN_LOCKSTEP = ("compute", "round_trip")
-"""Those that mean something where the plant waits"""
+"""Those that have a meaning in lockstep, where the plant waits"""
 ONE_WAY = ("state_transport", "command_transport")
-"""Those that take one clock; with two there is the round trip instead"""
+"""Those that need a common clock; without one the round trip is shown instead"""
 
 
 @dataclass(frozen=True)
 class TimingRow:
-    """One trial; None for what is not known."""
+    """The timing of one trial; None for what is not known."""
 
     trial: str
     ending: str
@@ -32,29 +32,29 @@ class TimingRow:
     late: int | None
     late_fraction: float | None
     late_by: Mapping[str, int] | None
-    """By cause"""
+    """Number of late ticks by cause"""
     times: Mapping[str, Mapping[str, float] | None]
-    """p50, p99, p99.9 and max by quantity, us"""
+    """p50, p99, p99.9 and max of each quantity, us"""
     lost: int | None
-    """Messages sent but not stored"""
+    """Messages that were sent but not stored"""
     valid: bool | None
-    """Whether it kept its budget; None where it had none to keep"""
+    """Whether the trial kept its timing budget; None if it had none"""
     reasons: Sequence[str]
 
 
 @dataclass(frozen=True)
 class SetupRow:
-    """One setting of the real-time set-up in one process."""
+    """One setting of the real-time set-up of one process."""
 
     process: str
     setting: str
     wanted: str
     applied: str
     refused: bool
-    """Whether something else was applied than was wanted"""
+    """Whether something else than the wanted value was applied"""
     reason: str
     trials: str
-    """In which trials"""
+    """The trials in which it was so"""
 
 
 @dataclass(frozen=True)
@@ -63,15 +63,15 @@ class TimingSection:
 
     realtime: bool
     times: Mapping[str, str]
-    """The quantities that are shown, and what they are called"""
+    """The quantities that are shown, and their titles"""
     rows: list[TimingRow]
     setup: list[SetupRow]
     budget: str
-    """In words; "" where there is none"""
+    """In words; "" if there is none"""
     two_clocks: bool
-    """Whether driver and controller read different clocks in some trial"""
+    """Whether driver and controller had different clocks in some trial"""
     unstamped: list[str]
-    """Trials that ended with ticks done and none stamped: those in a compiled loop"""
+    """Trials that did ticks but have no time stamps, because they ran in a compiled loop"""
 
 
 def timing_section(run: RunData) -> TimingSection:
@@ -108,16 +108,16 @@ def _row(trial: TrialEntry) -> TimingRow:
 
 
 def _budgets(trials: Sequence[TrialEntry]) -> str:
-    """Return the budget of the trials in words; they have one and the same, by the experiment."""
+    """Return the timing budget in words; an experiment has one for all its trials."""
     found = [trial.timing["budget"] for trial in trials if trial.timing.get("budget")]
     if not found:
         return ""
     late, age = 100 * found[0]["late_fraction"], 1e3 * found[0]["command_age_p99"]
-    return f"late ticks at most {late:g} %, command age p99 at most {age:g} ms"
+    return f"at most {late:g} % late ticks, command age p99 at most {age:g} ms"
 
 
 def _setup(trials: Sequence[TrialEntry]) -> list[SetupRow]:
-    """Return what was set up, equal rows of several trials as one."""
+    """Return the settings; rows that are equal in several trials are joined."""
     told = [trial for trial in trials if trial.timing.get("setup")]
     found: dict[tuple[str, str, str, str, str], list[str]] = {}
     for trial in told:

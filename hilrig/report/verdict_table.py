@@ -13,12 +13,12 @@ from hilrig.report.comparison import Verdict
 
 Cell = tuple[str, str, str, str]
 HEADLINES = ("force_rmse", "position_rmse", "auxiliary_error_rmse")
-"""The metrics that the answer names; the table has all"""
+"""The metrics that the answer names; the tables have all"""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One controller's place in a row."""
+    """One controller's value in a row."""
 
     mean: float | None
     sd: float | None
@@ -48,7 +48,7 @@ class Table:
 def verdict_tables(
     summary: pd.DataFrame, verdicts: Mapping[Cell, Verdict], controllers: tuple[str, ...]
 ) -> list[Table]:
-    """Return a table for each condition and phase, the phases in their order and the whole trial last."""
+    """Return a table for each condition and phase: the phases in their order, the whole trial last."""
     values = by_cell(summary)
     spans = dict.fromkeys((cell[0], cell[1]) for cell in values)
     return [
@@ -79,33 +79,42 @@ def _row(cell: Cell, values: Mapping[str, Mapping[str, Any]], verdict: Verdict, 
 
 
 def shown_unit(unit: str) -> tuple[float, str]:
-    """Return the factor and the unit in which people read a value: lengths here are millimetres."""
+    """Return the factor and the unit for display: lengths are shown in millimetres."""
     return (1000.0, "mm") if unit == "m" else (1.0, unit)
 
 
+def metric_title(kind: str) -> str:
+    """Return the name of a metric as pages show it: "position RMSE" for position_rmse."""
+    return kind.replace("_rmse", " RMSE").replace("_", " ")
+
+
 def answer(verdicts: Mapping[Cell, Verdict], summary: pd.DataFrame, controllers: tuple[str, ...]) -> list[str]:
-    """Return the answer, a sentence for each condition, and one that counts the marks of the whole table."""
+    """Return the answer: a sentence for each condition, and one that counts the marks in all tables."""
     if len(controllers) < 2:
-        return [f"Only one controller was run, {', '.join(controllers)}: there is nothing to compare."]
+        return [f"Only one controller was run ({', '.join(controllers)}), so there is nothing to compare."]
     conditions = list(dict.fromkeys(cell[0] for cell in verdicts))
     values = by_cell(summary)
     sentences = [_sentence(condition, verdicts, values) for condition in conditions]
     marks = [verdict.best for verdict in verdicts.values()]
-    counts = ", ".join([f"{name} {marks.count(name)}" for name in controllers])
-    none = marks.count(None)
-    return [*sentences, f"Marked best in {len(marks)} cells of the table: {counts}; nobody in {none}."]
+    first, *others = controllers
+    counts = ", ".join(
+        [f"{first} is marked best in {marks.count(first)}", *(f"{n} in {marks.count(n)}" for n in others)]
+    )
+    return [*sentences, f"Of the {len(marks)} rows of the tables, {counts}, and none in {marks.count(None)}."]
 
 
 def _sentence(condition: str, verdicts: Mapping[Cell, Verdict], values: Mapping[Cell, Any]) -> str:
     named = [cell for cell in verdicts if cell[:2] == (condition, ALL_PHASES) and cell[2] in HEADLINES]
-    parts = []
+    parts: list[str] = []
+    unmarked: dict[str, list[str]] = {}
     for cell in sorted(named, key=lambda cell: HEADLINES.index(cell[2])):
         verdict = verdicts[cell]
-        name = f"{cell[2].replace('_rmse', ' RMSE').replace('_', ' ')} {cell[3]}".strip()
+        name = f"{metric_title(cell[2])} {cell[3]}".strip()
         if verdict.best is None:
-            parts.append(f"no verdict on {name} ({verdict.basis})")
+            unmarked.setdefault(verdict.basis, []).append(name)
         else:
             row = values[cell][verdict.best]
             factor, unit = shown_unit(row["unit"])
             parts.append(f"{verdict.best} has the lowest {name} ({factor * row['mean']:.3g} {unit})")
+    parts += [f"no verdict on {', '.join(names)} ({basis})" for basis, names in unmarked.items()]
     return f"{condition}: {'; '.join(parts)}."

@@ -24,6 +24,7 @@ from hilrig.experiment.trial import Trial
 from hilrig.kinds.registry import name_of
 from hilrig.recording.manifest import provenance
 from hilrig.recording.run_directory import create_run, ending, read_outcome, trial_directory, write_json
+from hilrig.rig.hung_law import unless_hung
 from hilrig.rig.in_process import run_in_process
 from hilrig.rig.live import IN_PROCESS, ON_BUS, Live
 from hilrig.rig.outcome import Outcome
@@ -180,7 +181,8 @@ class _Runner:
                 return run_on_bus(self._run, trial, report, self._options.stop.is_set, slot, self._live)
             if self._workers:
                 return self._workers[slot].do(trial, report, self._options.stop.is_set)
-            return run_in_process(self._run, trial, report, self._options.stop.is_set)
+            with unless_hung(self._options.stop):
+                return run_in_process(self._run, trial, report, self._options.stop.is_set)
         except Exception as error:
             log = trial_directory(self._run, trial.id) / "logs" / "supervisor.log"
             log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")

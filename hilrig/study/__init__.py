@@ -1,4 +1,4 @@
-"""A study made again: its experiments run, its figures drawn, its claims judged. One file says which."""
+"""Reproduces a published study: runs its experiments, draws its figures and judges its claims, as one file says."""
 
 from hilrig.study.loading import Loaded as Loaded
 from hilrig.study.loading import load_study as load_study

@@ -1,10 +1,10 @@
-"""Whether a claim holds, as far as the repeats allow one to say. Pure.
+"""Whether a claim holds, as far as the repeats can tell. Pure.
 
-Every part of a claim comes down to one number for each repeat and a range in which the claim puts it. Repeat i is the
-same world for every controller, so where two values are compared it is their difference in each pair that counts.
-The 95 % t interval of the mean number then says: wholly inside the range, `reproduced`; wholly outside,
-`not reproduced`; else, or with fewer than `LEAST_PAIRS` repeats, `cannot tell`. Repeats that are identical to the last
-bit (no noise) are one world, which is known exactly: their interval is a point. Claims are judged one by one, without
+Every part of a claim is judged by one number for each repeat and the range that is claimed for it. Repeat i has the
+same noise and disturbances for every controller, so two values are compared by their difference in each repeat. If the
+95 % confidence interval (Student's t) of the mean number lies inside the range, the result is `reproduced`; if it lies
+outside, `not reproduced`; otherwise, and with fewer than `LEAST_PAIRS` repeats, `cannot tell`. Repeats that are
+identical to the last bit (no noise) have no spread: their interval is a point. Claims are judged one by one, without
 correction for their number.
 """
 
@@ -23,23 +23,23 @@ LEAST_PAIRS = 10
 
 Result = Literal["reproduced", "not reproduced", "cannot tell"]
 Range = tuple[float, float]
-"""Where a claim puts a number: low < number < high"""
+"""The range that is claimed for a number: low < number < high"""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What the repeats say of one part of a claim."""
+    """What the repeats say about one part of a claim."""
 
     result: Result
     mean: float | None
-    """Mean of the number that was judged; None if there is none"""
+    """Mean of the judged number; None if there is none"""
     low: float | None
-    """Lower end of its 95 % interval"""
+    """Lower end of its 95 % confidence interval"""
     high: float | None
     pairs: int
-    """Repeats that went into it"""
+    """Number of repeats that it rests on"""
     reason: str = ""
-    """Why one cannot tell, or what is special; else empty"""
+    """Why the repeats cannot tell, or what is special about them; empty otherwise"""
 
 
 def paired(values: Mapping[int, float], others: Mapping[int, float]) -> tuple[Array, Array]:
@@ -61,7 +61,7 @@ def relative(values: Array, others: Array) -> Array:
 
 
 def judge(numbers: Array, claimed: Range) -> Judgement:
-    """Judge the numbers (n,) of n repeats by the range in which the claim puts them."""
+    """Judge the numbers (n,) of n repeats by the range that is claimed for them."""
     n = int(numbers.size)
     if n == 0:
         return Judgement("cannot tell", None, None, None, 0, "nothing was measured")
@@ -76,14 +76,14 @@ def judge(numbers: Array, claimed: Range) -> Judgement:
 
 
 def _side(low: float, high: float, claimed: Range) -> Result:
-    """Return on which side of the claimed range an interval lies."""
+    """Return the result for an interval, by where it lies relative to the claimed range."""
     if claimed[0] < low and high < claimed[1]:
         return "reproduced"
     return "not reproduced" if high <= claimed[0] or low >= claimed[1] else "cannot tell"
 
 
 def _judge_infinite(numbers: Array, claimed: Range) -> Judgement:
-    """Judge numbers of which some are not finite: one can tell only if all lie infinitely far on one side."""
+    """Judge numbers of which some are not finite; there is a result only if all are infinite with the same sign."""
     n = int(numbers.size)
     odd = int(np.sum(~np.isfinite(numbers)))
     for end in (-np.inf, np.inf):
@@ -94,7 +94,7 @@ def _judge_infinite(numbers: Array, claimed: Range) -> Judgement:
 
 
 def all_of(results: Sequence[Result]) -> Result:
-    """Return the result of a claim from those of its parts: all must hold. Without parts one cannot tell."""
+    """Return the result of a claim from those of its parts, all of which must hold; "cannot tell" without parts."""
     if "not reproduced" in results:
         return "not reproduced"
     return "cannot tell" if "cannot tell" in results or not results else "reproduced"

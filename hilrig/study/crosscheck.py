@@ -1,4 +1,4 @@
-"""Whether the figures and claims of a study fit its experiments."""
+"""Checks whether the figures and claims of a study fit its experiments."""
 
 from __future__ import annotations
 
@@ -25,10 +25,7 @@ _FIGURE = re.compile(r"[0-9]{1,3}[a-z]?")
 
 
 def completed(study: Study, experiments: Experiments) -> Study:
-    """Return the study with every limit in its metric's unit.
-
-    Raises InvalidError with all that does not fit together.
-    """
+    """Return the study with every limit in its metric's unit. Raises InvalidError with everything that does not fit."""
     findings: list[Finding] = []
     for i, figure in enumerate(study.figures):
         findings += _check_figure(figure, study, i, experiments)
@@ -48,9 +45,9 @@ def _known(what: str, value: str | None, known: Any, path: Keys) -> Iterator[Fin
 def _check_figure(figure: FigureSpec, study: Study, index: int, experiments: Experiments) -> Iterator[Finding]:
     path: Keys = ("figures", index)
     if not _FIGURE.fullmatch(figure.figure):
-        yield Finding((*path, "figure"), f"{shown(figure.figure)} is no number of a figure, such as '4' or '12b'")
+        yield Finding((*path, "figure"), f"{shown(figure.figure)} is not a figure number such as '4' or '12b'")
     if figure.figure in [other.figure for other in study.figures[:index]]:
-        yield Finding((*path, "figure"), f"the figure '{figure.figure}' is here twice")
+        yield Finding((*path, "figure"), f"figure '{figure.figure}' is defined twice")
     if figure.experiment not in experiments:
         yield from _known("experiment", figure.experiment, experiments, (*path, "experiment"))
         return
@@ -59,11 +56,11 @@ def _check_figure(figure: FigureSpec, study: Study, index: int, experiments: Exp
     for i, name in enumerate(figure.controllers):
         yield from _known("controller", name, experiment.controllers, (*path, "controllers", i))
     if not figure.controllers:
-        yield Finding((*path, "controllers"), "there are no controllers; a figure needs one at least")
+        yield Finding((*path, "controllers"), "there are no controllers; a figure needs at least one")
     elif len(figure.controllers) > 1 and figure.axis is None:
         yield Finding(path, "'axis' is missing: a figure of several controllers shows one axis")
     if figure.zoom and figure.zoom[0] >= figure.zoom[1]:
-        yield Finding((*path, "zoom"), "the span ends before it begins; write [from, to]")
+        yield Finding((*path, "zoom"), "the interval ends before it begins; write [from, to]")
     yield from _check_quantity(figure, experiment, path)
 
 
@@ -78,7 +75,7 @@ def _check_quantity(figure: FigureSpec, experiment: Experiment, path: Keys) -> I
 
 
 def _axes(quantity_name: str, experiment: Experiment) -> list[str]:
-    """Return the axes that a quantity or metric of this name is about."""
+    """Return the axes that a quantity or metric of this name has."""
     axes, force = experiment.driver.robot.axes, experiment.task.force_axes
     if quantity_name.startswith("force"):
         return [axis for axis in axes if axis in force]
@@ -88,7 +85,7 @@ def _axes(quantity_name: str, experiment: Experiment) -> list[str]:
 
 
 def _check_field(field: str, experiment: Experiment, controller: str, path: Keys) -> Iterator[Finding]:
-    """Yield a finding if a law's memory is known to have no such field."""
+    """Yield a finding if it is known that a law's memory has no such field."""
     law = experiment.controllers.get(controller)
     fields = memory_documents(plugins.name_of(type(law))[1]) if law else {}
     if fields:
@@ -97,7 +94,11 @@ def _check_field(field: str, experiment: Experiment, controller: str, path: Keys
 
 def _completed_claim(claim: Claim, path: Keys, experiments: Experiments, findings: list[Finding]) -> Claim:
     if bool(claim.parts) == bool(claim.undecided):
-        findings.append(Finding(path, "give a claim either 'parts' that are measured, or why it is 'undecided'"))
+        findings.append(
+            Finding(
+                path, "a claim needs either 'parts' to measure, or 'undecided' with the reason why it cannot be decided"
+            )
+        )
     parts = []
     for i, part in enumerate(claim.parts):
         findings += _check_part(part, (*path, "parts", i), experiments)
@@ -108,27 +109,30 @@ def _completed_claim(claim: Claim, path: Keys, experiments: Experiments, finding
 def _check_part(part: Part, path: Keys, experiments: Experiments) -> Iterator[Finding]:
     given = [way for way in WAYS if getattr(part, way) is not None]
     if len(given) != 1:
-        found = f"{' and '.join(given)} are too many" if given else "nothing is claimed"
-        yield Finding(path, f"{found}; give one of {', '.join(WAYS)}")
+        named = " and ".join(f"'{way}'" for way in given)
+        found = f"{named} are {'both' if len(given) == 2 else 'all'} given" if given else "nothing is claimed"
+        yield Finding(path, f"{found}; give exactly one of {', '.join(WAYS)}")
     yield from _check_place(part, path, experiments)
     other = part.less_than or part.equals_within
     if other is not None:
         where = (*path, "less_than" if part.less_than else "equals_within")
         there = elsewhere(part, other)
         if there == part:
-            yield Finding(where, "this is the same value; name another controller, experiment, condition or phase")
+            yield Finding(
+                where, "this compares a value with itself; name another controller, experiment, condition or phase"
+            )
         yield from _check_place(there, where, experiments)
     yield from _check_metric(part, path, experiments)
 
 
 def elsewhere(part: Part, other: LessThan | EqualsWithin) -> Part:
-    """Return the part whose value is the other one: what is not named is as in `part`."""
+    """Return the part whose value is the other one; anything that `other` does not name is as in `part`."""
     names = ("experiment", "condition", "controller", "phase")
     return replace(part, **{name: value for name in names if (value := getattr(other, name)) is not None})
 
 
 def _check_place(part: Part, path: Keys, experiments: Experiments) -> Iterator[Finding]:
-    """Yield what is unknown of the experiment, condition, controller and phase of a value."""
+    """Yield a finding for each unknown experiment, condition, controller and phase of a value."""
     if part.experiment not in experiments:
         yield from _known("experiment", part.experiment, experiments, (*path, "experiment"))
         return
@@ -156,7 +160,7 @@ def _check_metric(part: Part, path: Keys, experiments: Experiments) -> Iterator[
 
 
 def _in_unit(part: Part, path: Keys, findings: list[Finding]) -> Part:
-    """Return the part with its limits in its metric's unit; what cannot be converted is added to `findings`."""
+    """Return the part with its limits in its metric's unit; limits that cannot be converted are added to `findings`."""
     plain = memory_field(part.metric) is not None
     if not plain and part.metric not in plugins.kinds("metrics"):
         return part

@@ -1,4 +1,4 @@
-"""The figures of a reproduction: one quantity, one panel, one column wide, as in the publication."""
+"""The figures of a reproduction: one quantity in one panel, one column wide, as in the publication."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from hilrig.study.measuring import components
 from hilrig.study.model import FigureSpec
 
 WIDTH, PANEL, GAP = 3.5, 1.75, 0.5
-"""One column of a paper, the height of a panel, and what is between two, inches"""
+"""Width of a column in a paper, height of a panel, and gap between two panels, inches"""
 TOP, BOTTOM, LEFT, RIGHT = 0.4, 0.4, 0.75, 0.1
 """Margins, inches"""
 MEMORY = "memory."
 
 Trials = Mapping[str, tuple[TrialEntry, TrialSignals]]
-"""The trial that is drawn of each controller"""
+"""The trial that is drawn for each controller, by the controller's name"""
 
 
 class Content(NamedTuple):
@@ -35,16 +35,16 @@ class Content(NamedTuple):
     """In the order of the legend"""
     references: list[Curve]
     label: str
-    """Of the vertical axis, with its unit"""
+    """Label of the vertical axis, with its unit"""
     unit: str
     one_law: bool
-    """The curves are components of one controller's quantity: none is cut for the sake of another"""
+    """Whether the curves are components of one controller's quantity; then none is cut off to show the others"""
 
 
 def draw_figure(spec: FigureSpec, trials: Trials, everyone: tuple[str, ...]) -> tuple[Figure, tuple[str, ...]]:
-    """Return the figure and what its limits had to leave out.
+    """Return the figure, and notes on what its limits leave out.
 
-    `everyone` are all of the experiment's controllers: a controller keeps its colour in every figure.
+    `everyone` are all controllers of the experiment, so that each has the same colour in every figure.
     """
     content = _content(spec, trials, everyone)
     end = max(float(signals.record.time[-1]) + signals.record.period for _, signals in trials.values())
@@ -116,12 +116,12 @@ def _series(spec: FigureSpec, trial: TrialEntry, signals: TrialSignals) -> _Seri
 
 
 def _panel(axes: Axes, content: Content, span: tuple[float, float]) -> tuple[str, ...]:
-    """Draw the curves over `span`; return what the limits had to leave out, which is written on the panel too."""
+    """Draw the curves over `span`; return notes on what the limits leave out, which are written on the panel too."""
     curves = [window(curve, *span) for curve in content.curves]
     references = [window(curve, *span) for curve in content.references]
     for curve in references:
         axes.plot(*thin(curve.time, curve.values), color=REFERENCE, linewidth=0.7, zorder=2)
-    # The widest first, so that it hides no other.
+    # The noisiest first, so that it hides no other.
     for depth, curve in enumerate(sorted(curves, key=lambda curve: -float(np.nanstd(np.diff(curve.values))))):
         draw(axes, curve, 3 + depth)
     if content.one_law:
@@ -137,7 +137,7 @@ def _panel(axes: Axes, content: Content, span: tuple[float, float]) -> tuple[str
 
 
 def _mark(axes: Axes, trials: Trials, everyone: tuple[str, ...]) -> None:
-    """Mark where phases begin, and where a trial that did not complete ended."""
+    """Mark where phases begin, and where trials that are not compared ended."""
     looks = styles(everyone)
     for phase in next(iter(trials.values()))[0].document["phases"][1:]:
         axes.axvline(phase["start"], color=MUTED, linewidth=0.5, linestyle=(0, (2, 2)), zorder=1)

@@ -1,4 +1,4 @@
-"""From the tables of metrics to what they say of each claim, in words and numbers. Pure."""
+"""Judges claims by the tables of metrics, in words and numbers. Pure."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hilrig.core.signals import Array
 from hilrig.experiment.trial import ALL_PHASES
 from hilrig.report.dataset import TrialEntry
 from hilrig.report.page import number
-from hilrig.report.verdict_table import shown_unit
+from hilrig.report.verdict_table import metric_title, shown_unit
 from hilrig.study.claims import (
     LEAST_PAIRS,
     Judgement,
@@ -40,25 +40,25 @@ class Evidence:
 
     part: Part
     measured: str
-    """What the number is that was judged"""
+    """What the judged number is, in words"""
     claimed: str
-    """Where the claim puts it"""
+    """The range that the claim says it is in"""
     unit: str
-    """Of the number; "" for a pure number"""
+    """Unit of the number; "" for a pure number"""
     judgement: Judgement
     means: tuple[float, ...]
-    """Mean of the metric, and of the other value if there is one, over the same repeats"""
+    """Mean of the metric and, if there is one, of the other value, over the same repeats"""
     metric_unit: str
 
     @property
     def values(self) -> str:
-        """The means of what was measured, as people read them"""
+        """The means, for display"""
         factor, unit = shown_unit(self.metric_unit)
         return " against ".join(f"{number(factor * mean)} {unit}".strip() for mean in self.means)
 
     @property
     def number(self) -> str:
-        """The number that was judged and its interval, as people read it"""
+        """The judged number and its interval, for display"""
         found = self.judgement
         if found.mean is None:
             return "–"
@@ -71,7 +71,7 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Judged:
-    """A claim and what it came to."""
+    """A claim and its result."""
 
     claim: Claim
     result: Result
@@ -79,7 +79,7 @@ class Judged:
 
 
 def judge_claims(claims: Sequence[Claim], tables: Tables, trials: Trials) -> list[Judged]:
-    """Return every claim with its result and what it rests on."""
+    """Return every claim with its result and its evidence."""
     found = []
     for claim in claims:
         evidence = tuple(_judge_part(part, tables, trials) for part in claim.parts)
@@ -88,7 +88,7 @@ def judge_claims(claims: Sequence[Claim], tables: Tables, trials: Trials) -> lis
 
 
 def _judge_part(part: Part, tables: Tables, trials: Trials) -> Evidence:
-    """Judge one part by the repeats that completed; where they are too few, say what is missing."""
+    """Judge one part by the repeats that completed; if they are too few, say what is missing."""
     values, metric_unit = _values(part, tables)
     other = part.less_than or part.equals_within
     places = (part,) if other is None else (part, elsewhere(part, other))
@@ -104,7 +104,7 @@ def _judge_part(part: Part, tables: Tables, trials: Trials) -> Evidence:
 
 
 def _numbers(part: Part, values: Array, others: Array | None = None) -> tuple[Array, Range]:
-    """Return the numbers (n,) that a part is judged by, and the range in which the claim puts them."""
+    """Return the numbers (n,) by which a part is judged, and the range that is claimed for them."""
     if others is not None and part.equals_within:
         return relative(values, others), (-part.equals_within.fraction, part.equals_within.fraction)
     if others is not None and part.less_than:
@@ -113,14 +113,14 @@ def _numbers(part: Part, values: Array, others: Array | None = None) -> tuple[Ar
 
 
 def _words(part: Part, places: tuple[Part, ...], unit: str) -> tuple[str, str]:
-    """Return what is measured, and what is claimed of it."""
+    """Return in words what is measured, and what is claimed for it."""
     subject = _subject(part)
     if part.equals_within:
         fraction = part.equals_within.fraction
         return f"{subject}, relative difference to {_against(*places)}", f"within ±{fraction:g}"
     if part.less_than:
         times = "" if part.less_than.times == 1 else f"{part.less_than.times:g} × "
-        return f"{subject}, less {times}that of {_against(*places)}", "below 0"
+        return f"{subject}, minus {times}that of {_against(*places)}", "below 0"
     return subject, _limit(part, unit)
 
 
@@ -133,7 +133,7 @@ def _values(part: Part, tables: Tables) -> tuple[dict[int, float], str]:
 
 
 def _missing(part: Part, tables: Tables, trials: Trials) -> str:
-    """Return why there are few values or none: trials that did not complete, or an axis without the metric."""
+    """Return why there are few values or none: trials that did not complete, or an axis that the metric lacks."""
     mine = [t for t in trials[part.experiment] if (t.controller, t.condition) == (part.controller, part.condition)]
     lost = [trial for trial in mine if not trial.counts]
     if lost:
@@ -148,21 +148,21 @@ def _missing(part: Part, tables: Tables, trials: Trials) -> str:
 
 def _subject(part: Part) -> str:
     """Return what is measured, in words."""
-    metric = part.metric.replace("_rmse", " RMSE").replace("memory_rms.", "RMS of ").replace("memory_peak.", "peak of ")
+    metric = part.metric.replace("memory_rms.", "RMS of ").replace("memory_peak.", "peak of ")
     where = "whole trial" if part.phase == ALL_PHASES else part.phase
     axis = f", component {part.axis}" if part.axis.isdigit() else f" {part.axis}" if part.axis else ""
-    name = metric.replace("_", " ") + axis
+    name = metric_title(metric) + axis
     return f"{name}, {part.controller} ({part.experiment}, {part.condition}, {where})"
 
 
 def _against(part: Part, there: Part) -> str:
-    """Return what is different about the other value, in words."""
+    """Return in words how the other value differs: its controller, experiment, condition or phase."""
     names = ("controller", "experiment", "condition", "phase")
     return ", ".join(getattr(there, name) for name in names if getattr(there, name) != getattr(part, name))
 
 
 def _number(limit: float | str | None, default: float) -> float:
-    """Return a limit, which the check of the study has brought into its unit."""
+    """Return a limit as a number, which it is once the study has been checked; `default` if there is none."""
     return default if limit is None else float(limit)
 
 

@@ -1,4 +1,4 @@
-"""Reading a reproduction file, and the experiments that it names."""
+"""Reads a study's file and the experiments that it names."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hilrig.study.model import Study
 
 @dataclass(frozen=True)
 class Loaded:
-    """A study whose parts fit each other."""
+    """A study that has been checked against its experiments."""
 
     path: Path
     study: Study
@@ -28,13 +28,13 @@ class Loaded:
 
 
 def load_study(path: Path, overrides: Iterable[str] = ()) -> Loaded:
-    """Return the study in a file with its experiments; `overrides` change all of them, as "repeats=2" does.
+    """Return the study in a file, with its experiments; `overrides` such as "repeats=2" change all of them.
 
     Raises ExperimentError with everything that is wrong, each with its place.
     """
     source = document.read(path)
     if is_experiment(source):
-        message = f"this is an experiment, not a study; type: hilrig run {shlex.quote(str(path))}"
+        message = f"this is an experiment, not a study; to run it: hilrig run {shlex.quote(str(path))}"
         raise ExperimentError([Problem(Place(str(path)), message)])
     try:
         study = read(Study, source.data, Context(path.resolve().parent))
@@ -50,7 +50,7 @@ def load_study(path: Path, overrides: Iterable[str] = ()) -> Loaded:
 def _experiments(
     study: Study, source: document.Document, overrides: list[str]
 ) -> tuple[dict[str, Experiment], dict[str, Path]]:
-    """Return the experiments and their files, by name. Raises ExperimentError with what is wrong in all of them."""
+    """Return the experiments and their files, by name. Raises ExperimentError with everything wrong in them."""
     experiments: dict[str, Experiment] = {}
     sources: dict[str, Path] = {}
     found: list[Problem] = []
@@ -58,7 +58,7 @@ def _experiments(
         file = Path(source.file).parent / name
         if not file.is_file():
             beside = [item.name for item in file.parent.glob("*.y*ml")]
-            message = f"there is no file '{name}' beside this one{nearest(name, beside)}"
+            message = f"there is no file '{name}' in the folder of this one{nearest(name, beside)}"
             found.append(Problem(source.place("experiments", i), message))
             continue
         try:
@@ -67,11 +67,11 @@ def _experiments(
             found += error.problems
             continue
         if experiment.name in experiments:
-            message = f"the experiment '{experiment.name}' is here twice, in {sources[experiment.name].name} too"
+            message = f"the experiment '{experiment.name}' is listed twice, also in {sources[experiment.name].name}"
             found.append(Problem(source.place("experiments", i), message))
         experiments[experiment.name], sources[experiment.name] = experiment, file
     if not study.experiments:
-        found.append(Problem(source.place("experiments"), "there are no experiments; a study needs one at least"))
+        found.append(Problem(source.place("experiments"), "there are no experiments; a study needs at least one"))
     if found:
         raise ExperimentError(dict.fromkeys(found))
     return experiments, sources

@@ -1,4 +1,4 @@
-"""The pipeline of a reproduction: read the runs, measure, draw the figures, judge the claims, write the pages."""
+"""Makes a reproduction: reads the runs, measures, draws the figures, judges the claims and writes the pages."""
 
 from __future__ import annotations
 
@@ -27,44 +27,44 @@ from hilrig.study.pages import Page, Picture, write_pages
 from hilrig.study.rows import claim_rows, summary
 
 DIGITS = "%.9g"
-"""Of the numbers in the tables: more than anybody reads, fewer than differ from machine to machine"""
+"""Digits of the numbers in the tables: more than anybody reads, and few enough to be the same on every machine"""
 
 
 @dataclass(frozen=True)
 class _Read:
-    """What is kept of the run of one experiment."""
+    """What is kept from the run of one experiment."""
 
     data: RunData
     metrics: pd.DataFrame
     drawn: Mapping[str, tuple[TrialEntry, TrialSignals]]
-    """The trials that figures show, by id"""
+    """The trials that the figures show, by id"""
 
 
 @dataclass(frozen=True)
 class Made:
-    """What a reproduction came to."""
+    """The result of a reproduction."""
 
     judged: list[Judged]
-    """Its claims"""
+    """The judged claims"""
     expected: dict[str, list[Expected]]
-    """What each experiment expects of itself, by its name"""
+    """The judged expectations of each experiment, by its name"""
     ended_well: bool
-    """Whether every trial completed and counts, or ended as expected"""
+    """Whether every trial completed and is valid, or ended as expected"""
 
     @property
     def expectations(self) -> int:
-        """How many expectations there are"""
+        """Number of expectations"""
         return sum(map(len, self.expected.values()))
 
 
 def make_reproduction(
     loaded: Loaded, runs: Mapping[str, Path], out: Path, command: str, overrides: Sequence[str] = (), jobs: int = 1
 ) -> Made:
-    """Write the reproduction into `out` from a run of each experiment; return what it came to.
+    """Write the reproduction into `out` from a run of each experiment, and return its result.
 
-    Writes index.html, README.md, figures/, claims.csv, metrics.csv and summary.json. All of it follows from the runs'
-    signals and the study's file: the same trials make the same bytes. Raises RunDirectoryError if a run is none, or if
-    `out` cannot be made. `jobs` processes read the signals.
+    Writes index.html, README.md, figures/, claims.csv, metrics.csv and summary.json. They depend on the runs' signals
+    and the study's file only: the same trials make the same bytes. `jobs` processes read the signals. Raises
+    RunDirectoryError if a directory in `runs` is not a run, or if `out` cannot be made.
     """
     with suppress(FileExistsError):
         make_directory(out / "figures")
@@ -85,7 +85,7 @@ def make_reproduction(
 
 
 def _all_metrics(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return one table of all experiments, which the first column names."""
+    """Return one table for all experiments, whose first column names the experiment."""
     named = [found.assign(experiment=name) for name, found in tables.items()]
     return pd.concat(named).reindex(columns=["experiment", *COLUMNS])
 
@@ -96,17 +96,17 @@ Each = Callable[..., Iterable[Any]]
 
 @contextmanager
 def _readers(jobs: int) -> Iterator[Each]:
-    """Yield what reads many trials: one after the other, or in so many processes."""
+    """Yield a function like `map` that works on one item after the other, or in `jobs` processes."""
     if jobs == 1:
         yield map
         return
-    # Fresh processes: forking one that has threads is not safe.
+    # Fresh processes, because forking a process that has threads is not safe.
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         yield pool.map
 
 
 def _read(study: Study, name: str, data: RunData, each: Each) -> _Read:
-    """Read the bags of one run; keep the metrics, and the signals that figures show."""
+    """Read the bags of one run; keep the metrics, and the signals that the figures show."""
     wanted = {part.metric for claim in study.claims for part in claim.parts if part.experiment == name}
     memory = sorted(metric for metric in wanted if memory_field(metric) is not None)
     shown = {trial.id for spec in study.figures if spec.experiment == name for trial in _drawn(spec, data)}
@@ -119,7 +119,7 @@ def _read(study: Study, name: str, data: RunData, each: Each) -> _Read:
 def _read_trial(
     memory: Sequence[str], shown: Collection[str], trial: TrialEntry
 ) -> tuple[list[tuple[Any, ...]], TrialSignals | None]:
-    """Return one trial's rows of metrics, if it completed, and its signals, if a figure shows them."""
+    """Return the rows of metrics of a trial, if it is compared, and its signals, if a figure shows them."""
     signals = read_signals(trial)
     if signals is None:
         return [], None
@@ -128,7 +128,7 @@ def _read_trial(
 
 
 def _drawn(spec: FigureSpec, data: RunData) -> list[TrialEntry]:
-    """Return which trials a figure shows: of each controller the first completed repeat, or the first at all."""
+    """Return the trials that a figure shows: for each controller the first completed repeat, or the first of all."""
     chosen: dict[str, TrialEntry] = {}
     for trial in sorted(data.trials, key=lambda trial: (not trial.counts, trial.repeat)):
         if trial.condition == spec.condition and trial.controller in spec.controllers:
@@ -141,17 +141,17 @@ def _picture(spec: FigureSpec, read: _Read, out: Path) -> Picture:
     trials = [read.drawn[trial.id] for trial in _drawn(spec, read.data) if trial.id in read.drawn]
     pairs: dict[str, Any] = {trial.controller: (trial, signals) for trial, signals in trials}
     if not pairs:
-        return Picture(spec, "", "", f"No trial of {spec.experiment} left a record of this.")
+        return Picture(spec, "", "", f"No trial of {spec.experiment} has a record of this.")
     figure, notes = draw_figure(spec, pairs, read.data.controllers)
     stem = out / "figures" / f"fig{spec.figure.zfill(2)}"
     return Picture(spec, stem.name, write_figure(figure, stem), _caption(spec, trials, notes))
 
 
 def _caption(spec: FigureSpec, trials: Sequence[tuple[TrialEntry, TrialSignals]], notes: Sequence[str]) -> str:
-    """Say what is shown: which trial, from which source, and what was cut."""
+    """Return the caption: which trials are shown, from which source, and what was cut off."""
     repeats = ", ".join(map(str, sorted({trial.repeat for trial, _ in trials})))
     sources = " and ".join(sorted({"true" if signals.source == "truth" else "measured" for _, signals in trials}))
     of = f"Condition {spec.condition}, repeat {repeats}; "
-    what = "what the law published." if spec.quantity.startswith("memory.") else f"the plant's {sources} signals."
-    zoom = "The grey band is enlarged below." if spec.zoom else ""
+    what = "memory of the law." if spec.quantity.startswith("memory.") else f"{sources} signals of the plant."
+    zoom = "The grey interval is enlarged below." if spec.zoom else ""
     return " ".join(text for text in (spec.caption, of + what, zoom, *(f"{note}." for note in notes)) if text)

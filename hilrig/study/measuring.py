@@ -1,4 +1,4 @@
-"""The numbers that claims are judged by: the metrics, and measures of what a law remembers."""
+"""The numbers by which claims are judged: the metrics, and measures of a law's memory."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hilrig.report.internals import memory_documents, unit_of
 from hilrig.report.measures import measure
 
 MEMORY: Mapping[str, Callable[[Array], float]] = {"memory_rms": rms, "memory_peak": peak}
-"""Measures of one component of a field of a law's memory: √(mean m²), and max |m|"""
+"""Measures of one component m of a field of a law's memory: √(mean m²), and max |m|"""
 
 
 def memory_field(metric: str) -> str | None:
@@ -26,7 +26,7 @@ def memory_field(metric: str) -> str | None:
 
 
 def components(values: Array, axes: tuple[str, ...]) -> dict[str, Array]:
-    """Return the columns of a field (N, k) by name: the axes' if there is one for each, else their numbers from 1."""
+    """Return the columns of a field (N, k) by name: axes if there is one column for each, else numbers from 1."""
     names = axes if values.shape[1] == len(axes) else tuple(str(i + 1) for i in range(values.shape[1]))
     return {name: values[:, i] for i, name in enumerate(names)}
 

@@ -1,4 +1,4 @@
-"""The pages of a reproduction: one HTML file that needs no other, and a README for reading where the code is."""
+"""The pages of a reproduction: one self-contained HTML file, and a README to read in the repository."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from hilrig.study.rows import counts, ended, reason
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure for the pages."""
+    """A figure on the pages."""
 
     spec: FigureSpec
     file: str
-    """Name of its files in figures/, without the ending; "" if there was nothing to draw, and the caption says so"""
+    """Name of its files in figures/, without the suffix; "" if there is nothing to draw, which the caption says"""
     source: str
     """Data URI"""
     caption: str
@@ -32,17 +32,17 @@ class Picture:
 
 @dataclass(frozen=True)
 class Page:
-    """All that the pages show."""
+    """Everything that the pages show."""
 
     loaded: Loaded
     judged: Sequence[Judged]
     pictures: Sequence[Picture]
     expected: Mapping[str, Sequence[Expected]]
-    """What each experiment expects of itself, by its name"""
+    """The judged expectations of each experiment, by its name"""
     runs: Mapping[str, RunData]
     """The run of each experiment, by its name"""
     command: str
-    """What makes all of it"""
+    """The command that makes all of it"""
     overrides: tuple[str, ...]
 
 
@@ -69,14 +69,14 @@ def _render(page: Page, name: str, escape: bool) -> str:
 
 
 def _run_command(page: Page, experiment: str) -> str:
-    """Return the command that runs one experiment alone; its path as the study's file has it."""
+    """Return the command that runs one experiment alone."""
     file = page.loaded.sources[experiment]
     changes = "".join(f" --set {text}" for text in page.overrides)
     return f"hilrig run {shown_path(file)}{changes}"
 
 
 def shown_path(path: Path) -> str:
-    """Return a path as pages show it: from where hilrig was called if it is below, else its name alone."""
+    """Return a path as the pages show it: relative to where hilrig was called if it is below, else only its name."""
     try:
         return path.resolve().relative_to(Path.cwd()).as_posix()
     except ValueError:
@@ -84,5 +84,5 @@ def shown_path(path: Path) -> str:
 
 
 def _cell(text: str) -> str:
-    """Return text for a cell of a Markdown table."""
+    """Return text for a cell of a Markdown table, escaped."""
     return text.replace("|", "\\|").replace("\n", " ").replace("_", "\\_").replace("*", "\\*")

@@ -1,4 +1,4 @@
-"""Judged claims as rows of a table, and the whole as a document for programs."""
+"""Judged claims as rows of a table, and the whole result as a document for programs."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def summary(
     runs: Mapping[str, RunData],
     overrides: Sequence[str],
 ) -> dict[str, Any]:
-    """Return the result for programs."""
+    """Return the whole result, for programs."""
     experiments = [
         {
             "name": name, "question": experiment.question, "trials": len(runs[name].trials),
@@ -74,7 +74,7 @@ def summary(
 
 
 def _rounded(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values with as many digits as the tables have."""
+    """Return the values with as many digits as the tables have."""
     return {
         key: float(f"{value:.9g}") if isinstance(value, float) and math.isfinite(value) else value
         for key, value in values.items()
@@ -82,13 +82,13 @@ def _rounded(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def counts(judged: Sequence[Judged]) -> dict[str, int]:
-    """Return how many claims came to which result."""
+    """Return the number of claims with each result."""
     results = [item.result for item in judged]
     return {result: results.count(result) for result in ("reproduced", "not reproduced", "cannot tell")}
 
 
 def reason(trial: TrialEntry) -> str:
-    """Return why a trial did not complete; of a failure only that it failed, since its text names files."""
+    """Return why a trial did not complete; for a failure only where to look, because its text names files."""
     return "see its log" if trial.ending == "failed" else ended_because(trial.outcome)
 
 

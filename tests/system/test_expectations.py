@@ -30,7 +30,7 @@ def test_met_and_unmet_are_listed_and_one_unmet_is_exit_1(hilrig, experiment, tm
     }
     assert "\x1b" not in done.stdout
     assert "below 100 N and above -100 N" in lines[1]
-    assert "noisy, z: paired, n = 3, 95 % interval" in lines[1]
+    assert "noisy, z: paired, n = 3, 95 % confidence interval" in lines[1]
     assert "below 0.001 N" in lines[2]
     # Measured without a page.
     assert (only_run(tmp_path) / "metrics.csv").exists()
@@ -54,7 +54,7 @@ def test_too_few_repeats_are_not_met_and_say_so(hilrig, experiment) -> None:
     done = hilrig("run", experiment(duration=0.2, controllers=TWO, more=MET), "--in-process", "--no-report")
     assert done.returncode == 1
     assert "expected 1 of 2 met" in done.stdout
-    assert "1 repeat, too few to judge a difference: it takes 3" in done.stdout
+    assert "1 repeat, too few to judge a difference (3 are needed)" in done.stdout
 
 
 def test_without_a_completed_trial_nothing_is_met(hilrig, experiment, tmp_path: Path) -> None:

@@ -98,7 +98,7 @@ def test_what_was_never_measured_is_not_met() -> None:
 
 def test_a_metric_that_has_no_value_there_says_so() -> None:
     found = judged(metric_table({"b": VALUES}), (trial_entry("a"),), below=5.0)
-    assert (found.met, found.seen, found.basis) == (False, "nothing", "the metric has no value there")
+    assert (found.met, found.seen, found.basis) == (False, "nothing", "the metric has no value here")
 
 
 def test_an_expectation_in_words() -> None:
@@ -141,7 +141,7 @@ def test_the_whole_interval_must_keep_the_limits(below: float | None, above: flo
     found = difference([10.0, 50.0, 90.0], [11.0, 52.0, 93.0], below=below, above=above)
     assert found.met == met
     assert (found.value, found.low, found.high) == pytest.approx((-2, -2 - HALF, -2 + HALF))
-    assert found.basis.startswith("quiet, x: paired, n = 3, 95 % interval -4.484")
+    assert found.basis.startswith("quiet, x: paired, n = 3, 95 % confidence interval -4.484")
 
 
 def test_pairs_are_made_by_the_number_of_the_repeat() -> None:
@@ -169,13 +169,13 @@ def test_identical_repeats_are_their_difference() -> None:
 @pytest.mark.parametrize(
     ("a", "b", "words"),
     [
-        ([1.0], [9.0], "1 repeat, too few to judge a difference: it takes 3"),
-        ([1.0, 1.1], [9.0, 9.2], "2 repeats, too few to judge a difference: it takes 3"),
+        ([1.0], [9.0], "1 repeat, too few to judge a difference (3 are needed)"),
+        ([1.0, 1.1], [9.0, 9.2], "2 repeats, too few to judge a difference (3 are needed)"),
         ([1.0], [math.nan], "undefined in a repeat"),
         ([math.inf, 1.0, 1.1], [math.inf, 2.0, 2.1], "undefined in a repeat"),
         ([math.inf] * 3, [math.inf] * 3, "undefined in a repeat"),
         ([1.0, 1.1, 1.2], [math.nan, 5.0, 5.0], "undefined in a repeat"),
-        ([1.0, 1.1, 1.2], [math.inf, 5.0, 5.0], "95 % interval -inf to inf m"),
+        ([1.0, 1.1, 1.2], [math.inf, 5.0, 5.0], "95 % confidence interval -inf to inf m"),
         ([1.0], [], "no common repeat, too few"),
         ([], [1.0], "no common repeat, too few"),
     ],

@@ -74,7 +74,7 @@ def test_every_trial_and_every_expectation_is_a_test_case(suite: ET.Element) -> 
 def test_a_failure_says_why(suite: ET.Element) -> None:
     tripped, value, difference = (failure.get("message") or "" for failure in suite.iter("failure"))
     assert tripped == "tripped: force above 200 N at t = 0.5 s"
-    assert value.startswith("expected below 1e-06 m, seen 0.00")
+    assert value.startswith("expected below 1e-06 m, got 0.00")
     assert "1 repeat, too few to judge a difference" in difference
     assert [failure.text for failure in suite.iter("failure")] == [tripped, value, difference]
 

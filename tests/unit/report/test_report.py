@@ -48,7 +48,7 @@ def test_the_page_says_what_it_must(reported: tuple[Path, str, dict]) -> None:
     _, page, _ = reported
     for words in (
         "Which controller keeps 3.5 N?", "abc123", "uncommitted changes", "hilrig run experiments/x.yaml", "repeats=3",
-        "95 % t interval", "RMSE_i", "lower is better",
+        "95 % confidence interval", "RMSE_i", "lower is better",
     ):  # fmt: skip
         assert words in page
     assert "&lt;b&gt;Which&lt;/b&gt;" in page, "the experiment's text is escaped"
@@ -58,7 +58,7 @@ def test_the_page_answers(reported: tuple[Path, str, dict]) -> None:
     """RMSE of 10 mm cos 3t over [0, 1 s]: 6.9045 mm, and three times that."""
     _, page, summary = reported
     assert "small has the lowest position RMSE x (6.9 mm)" in page
-    row = page.index("position rmse x", page.index("whole trial"))
+    row = page.index("position RMSE x", page.index("whole trial"))
     cells = re.findall(r"<td(.*?)>([\d.]+)", page[row : page.index("</tr>", row)])
     assert cells[:2] == [(' class="best"', "6.905"), ("", "20.71")]
     (judged,) = [v for v in summary["verdicts"] if (v["phase"], v["metric"]) == ("all", "position_rmse")]

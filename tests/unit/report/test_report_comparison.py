@@ -128,6 +128,6 @@ def test_limits_cover_all_data_of_all_controllers() -> None:
 def test_nothing_is_cut_in_silence() -> None:
     bounds = limits([curve("a", -1.0, 1.0), curve("b", 0.0, 500.0)], "N")
     assert bounds.high < 500.0
-    assert "b leaves the axis" in bounds.notes[0]
+    assert "b goes off the axis" in bounds.notes[0]
     assert "500 N" in bounds.notes[0]
     assert "not finite" in limits([curve("a", 0.0, np.nan)], "N").notes[0]

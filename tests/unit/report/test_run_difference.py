@@ -31,7 +31,7 @@ def test_repeats_are_compared_in_pairs(tmp_path: Path) -> None:
     (row,) = table.to_dict("records")
     assert (row["a"], row["b"], row["difference"], row["relative"], row["repeats"]) == (2.0, 4.0, 2.0, 1.0, 3)
     assert (row["low"], row["high"]) == pytest.approx((2 - 2.4841, 2 + 2.4841), abs=1e-3)
-    assert "1 values are in one run only, and left out" in table.attrs["notes"]
+    assert "values that only one run has, left out: 1" in table.attrs["notes"]
 
 
 def test_other_seeds_are_no_pairs(tmp_path: Path) -> None:

@@ -67,7 +67,7 @@ def test_the_answer_is_that_of_the_whole_trial() -> None:
     assert answer(verdicts(METRICS), summarise(METRICS), NAMES) == [
         "quiet: b has the lowest force RMSE z (0.25 N); a has the lowest position RMSE x (1.01 mm).",
         "rough: no verdict on position RMSE x (within the spread).",
-        "Marked best in 6 cells of the table: a 1, b 2; nobody in 3.",
+        "Of the 6 rows of the tables, a is marked best in 1, b in 2, and none in 3.",
     ]
 
 

@@ -88,7 +88,7 @@ def write(tmp_path: Path) -> Write:
     [
         ("title:", "titel:", (":2:1:", "unknown key 'titel'", "did you mean 'title'")),
         ("[tiny.yaml]", "[tine.yaml]", (":4:15:", "there is no file 'tine.yaml'", "did you mean 'tiny.yaml'")),
-        ("[tiny.yaml]", "[tiny.yaml, tiny.yaml]", (":4:26:", "twice")),
+        ("[tiny.yaml]", "[tiny.yaml, tiny.yaml]", (":4:26:", "the experiment 'tiny' is listed twice")),
         ("[tiny.yaml]", "[]", ("there are no experiments",)),
         ("experiment: tiny", "experiment: tyny", (":6:45:", "no experiment 'tyny'", "did you mean 'tiny'")),
         ("condition: quiet", "condition: quite", ("no condition 'quite'", "did you mean 'quiet'")),
@@ -100,18 +100,18 @@ def write(tmp_path: Path) -> Write:
         ("[small], quantity: position, axis: x", "[small, large], quantity: position", ("'axis' is missing",)),
         ("axis: x}", "axis: x, zoom: [2 s, 1 s]}", ("ends before it begins",)),
         ("axis: x}", "axis: x, zoom: [2 N, 1 s]}", ("'2 N' is a force",)),
-        ('figure: "5"', 'figure: "4"', ("'4' is here twice",)),
-        ('figure: "4"', 'figure: "../4"', ("is no number of a figure",)),
+        ('figure: "5"', 'figure: "4"', ("figure '4' is defined twice",)),
+        ('figure: "4"', 'figure: "../4"', ("is not a figure number",)),
         ("metric: position_rmse", "metric: position_rms", ("no metric 'position_rms'", "'position_rmse'")),
         ("memory_peak.estimate", "memory_peak.estimat", ("no field 'estimat'", "did you mean 'estimate'")),
         ("memory_peak.estimate, axis: x", "memory_peak.estimate", ("'axis' is missing",)),
         ("phase: after", "phase: afer", ("no phase 'afer'", "did you mean 'after'")),
         ("{controller: large}", "{controller: larg}", ("no controller 'larg'", "did you mean 'large'")),
-        ("{controller: large}", "{controller: small}", ("this is the same value",)),
+        ("{controller: large}", "{controller: small}", ("compares a value with itself",)),
         ("less_than: {controller: large}", "below: 2 N", ("'2 N' is a force", "length")),
-        ("below: 2", "below: 2, above: 1", ("below and above are too many",)),
+        ("below: 2", "below: 2, above: 1", ("'below' and 'above' are both given",)),
         (", below: 2", "", ("nothing is claimed", "less_than")),
-        ("    undecided: Needs the robot.\n", "", ("either 'parts'",)),
+        ("    undecided: Needs the robot.\n", "", ("a claim needs either 'parts'",)),
         ("    reason: By eye.\n", "    undecided: Why?\n", ("either 'parts'",)),
     ],
 )
@@ -214,7 +214,7 @@ def test_what_experiments_expect_is_a_table_of_its_own(write: Write, tmp_path: P
     assert f"| tiny | outcome of large | tripped | tripped | met | {basis} |" in readme
     assert "| position\\_rmse of small, phase all | below 1e-06 m | 0." in readme
     for text in (page, readme):
-        assert "1 of 2 met" in text
+        assert "1 of 2 are met" in text
         assert "tripped, as expected" in text
         assert "10 of 20, 10 tripped as expected" in text
 
@@ -242,7 +242,7 @@ def test_an_experiment_is_no_study_and_says_so_in_one_line(write: Write) -> None
     path = write().parent / "tiny.yaml"
     with pytest.raises(ExperimentError) as caught:
         load_study(path)
-    assert str(caught.value) == f"{path}: this is an experiment, not a study; type: hilrig run {path}"
+    assert str(caught.value) == f"{path}: this is an experiment, not a study; to run it: hilrig run {path}"
 
 
 def panel(tmp_path: Path, **changes: Any) -> Figure:
@@ -262,7 +262,11 @@ def panel(tmp_path: Path, **changes: Any) -> Figure:
     ("changes", "label", "legend"),
     [
         ({}, "position x [m]", ["reference", "small"]),
-        ({"quantity": "position_error", "controllers": ("small", "large")}, "error x [mm]", ["small", "large"]),
+        (
+            {"quantity": "position_error", "controllers": ("small", "large")},
+            "position error x [mm]",
+            ["small", "large"],
+        ),
         ({"quantity": "force", "axis": "z"}, "force z [N]", ["reference", "small"]),
         ({"quantity": "force_error", "axis": None}, "force error [N]", ["small"]),
         ({"quantity": "auxiliary_error", "axis": None}, "auxiliary error [N]", ["x", "z"]),
@@ -297,12 +301,12 @@ def test_a_zoom_is_a_second_panel(tmp_path: Path) -> None:
 def test_a_run_is_reused_only_if_it_is_the_experiments_own(write: Write, tmp_path: Path) -> None:
     loaded, run = load_study(write()), run_of_tiny(tmp_path / "run")
     assert match(loaded, [run], []) == {"tiny": run}
-    with pytest.raises(ExperimentError, match="is a run of 'tiny' already"):
+    with pytest.raises(ExperimentError, match="is already a run of 'tiny'"):
         match(loaded, [run, run], [])
-    with pytest.raises(ExperimentError, match=r"was: none|other overrides \(none; asked for now: repeats=2\)"):
+    with pytest.raises(ExperimentError, match=r"was: none|other overrides \(none, now: repeats=2\)"):
         match(loaded, [run], ["repeats=2"])
     (tmp_path / "tiny.yaml").write_text(EXPERIMENT + "seed: 3\n")
-    with pytest.raises(ExperimentError, match=r"tiny\.yaml has been changed since"):
+    with pytest.raises(ExperimentError, match=r"tiny\.yaml has changed since"):
         match(loaded, [run], [])
     with pytest.raises(ExperimentError, match="is a run of 'other', which is not part"):
         match(loaded, [make_run(tmp_path / "other", {"small": 1.0}, repeats=1, seconds=0.01)], [])
