@@ -91,10 +91,7 @@ class TwoLinkPlant:
         return observation.truth._replace(surface_position=surface)
 
     def _look(self, disturbance: PlantDisturbance) -> tuple[Observation, float]:
-        observation = Observation(
-            Measurement(np.empty(2), np.empty(6), np.empty(2)),
-            Truth(np.empty(2), np.empty(2), np.empty(2), np.empty(2), np.empty(6), 0.0),
-        )
+        observation = Observation.empty(2, 2)
         return observation, observe(self._model, self._state, disturbance, observation)
 
     def close(self) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from hilrig.core.signals import Array, Kinematics, Measurement, PlantDisturbance, Truth
 
 
@@ -23,6 +25,14 @@ class Observation(NamedTuple):
     """Before the sensors' errors, which the rig adds"""
     truth: Truth
     """All but the place of the surface: a number in a tuple cannot be written in place"""
+
+    @classmethod
+    def empty(cls, joints: int, axes: int) -> Observation:
+        """Return room for n = `joints` and m = `axes`; every array holds nan."""
+        n, m, wrench = np.full(joints, np.nan), np.full(axes, np.nan), np.full(6, np.nan)
+        return cls(
+            Measurement(n.copy(), wrench, n.copy()), Truth(n.copy(), n.copy(), m.copy(), m.copy(), wrench.copy(), 0.0)
+        )
 
 
 class PlantKernels(NamedTuple):

@@ -138,9 +138,8 @@ def driver_arrays(trial: Trial) -> DriverArrays:
     """Return what surrounds the plant of a trial, before the first measurement."""
     schedule = disturbance_schedule(trial)
     n, m, depth = trial.driver.robot.joints, len(trial.axes), int(schedule.measurement_delay.max(initial=0)) + 1
-    measurement = Measurement(np.zeros(n), np.zeros(6), np.zeros(n))
-    truth = Truth(np.zeros(n), np.zeros(n), np.zeros(m), np.zeros(m), np.zeros(6), 0.0)
-    past = Measurement(*(np.zeros((depth, value.size)) for value in measurement))
+    observation = Observation.empty(n, m)
+    past = Measurement(*(np.zeros((depth, value.size)) for value in observation.measurement))
     limits = trial.limits
     return DriverArrays(
         schedule,
@@ -148,6 +147,6 @@ def driver_arrays(trial: Trial) -> DriverArrays:
         limits.joint_velocity,
         trial.period,
         np.zeros(n),
-        Observation(measurement, truth),
+        observation,
         past,
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from hilrig import Array, Controller, Law, PerAxis
 from hilrig.core.errors import PluginError
-from hilrig.loop.law_memory import memory_sizes
+from hilrig.core.law_memory import memory_sizes
 from hilrig.testing.rule import Broken, noting, require, rule, same
 from hilrig.testing.scenario import Scenario, arrays, scenario, step
 from hilrig.testing.subject import parameters

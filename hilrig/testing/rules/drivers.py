@@ -161,14 +161,14 @@ def kernels_do_the_same(driver: Driver) -> None:
             return
         kernels: Any = compiled.kernels()  # pyright: ignore[reportAttributeAccessIssue]
         disturbance = disturbed(driver.robot, "plant_tip_force")
-        room = Observation(*(np.full(size, np.nan) for size in _sizes(driver)))
+        room = Observation.empty(driver.robot.joints, len(driver.robot.axes))
         for k in range(20):
             seen, true = plain.measure(disturbance), plain.truth(disturbance)
             surface = kernels.observe(kernels.constants, kernels.state, disturbance, room)
-            expected = dict(arrays(seen)) | (dict(arrays(true)) if true else {})
-            for name, array in arrays(room):
-                wanted = expected.get(name, array)
-                require(same(array, wanted), "at tick {} {} is {} in place of {}", k, name, array, wanted)
+            for got, expected in ((room.measurement, seen), (room.truth, true)):
+                for name, wanted in arrays(expected) if expected else ():
+                    array = getattr(got, name)
+                    require(same(array, wanted), "at tick {} {} is {} in place of {}", k, name, array, wanted)
             require(true is None or surface == true.surface_position, f"the surface is at {surface:g} m")
             command = swinging(driver, plain, k)
             plain.advance(command, disturbance)
@@ -184,11 +184,6 @@ def pictures_are_of_the_size_asked_for(driver: Any) -> None:
     pictures = driver.render(np.stack([pose(driver, CLEAR)] * 2), 64, 48)
     shapes = [(picture.shape, str(picture.dtype)) for picture in pictures]
     require(shapes == [((48, 64, 3), "uint8")] * 2, f"for two rows at 64 x 48 it returned {shapes}")
-
-
-def _sizes(driver: Driver) -> tuple[int, ...]:
-    n, m = driver.robot.joints, len(driver.robot.axes)
-    return n, n, m, m, 6, n
 
 
 def _trace(driver: Driver, plant: Plant, other: Plant | None = None, ticks: int = 60) -> list[Array]:
