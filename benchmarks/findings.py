@@ -49,35 +49,35 @@ def _excess(kind: str) -> Callable[[Round], float]:
 PERIOD_US = 1000.0
 COMPARISONS = (
     Comparison(
-        "lockstep_to_bare", "lockstep steps/s over the bare zenoh pair's round trips/s", "",
+        "lockstep_to_bare", "lockstep steps/s, relative to the bare zenoh pair's round trips/s", "",
         ratio(("lockstep", "loop_steps_per_s"), ("zenoh.back_to_back", "rate_hz")), low=0.75,
     ),
     Comparison(
-        "exchange_to_bare", "the same, each command awaited (actuation_delay 0)", "",
+        "exchange_to_bare", "the same with each command awaited (actuation_delay 0)", "",
         ratio(("lockstep.exchange", "loop_steps_per_s"), ("zenoh.back_to_back", "rate_hz")),
     ),
     Comparison(
-        "overhead_us", "hilrig's round trip above the bare one, p50", "us",
+        "overhead_us", "hilrig's round trip minus the bare one's, p50", "us",
         lambda r: r["lockstep.exchange"]["round_trip_p50_us"] - r["zenoh.back_to_back"]["round_trip_p50_us"], high=40.0,
     ),
     Comparison(
-        "paced_overhead_us", "hilrig's round trip in real time above the bare paced one, p50", "us",
+        "paced_overhead_us", "hilrig's round trip in real time minus the bare paced one's, p50", "us",
         lambda r: r["realtime"]["round_trip_p50_us"] - r["zenoh.paced"]["round_trip_p50_us"],
     ),
     Comparison(
-        "in_process_to_lockstep", "in-process steps/s over lockstep steps/s on the bus", "",
+        "in_process_to_lockstep", "in-process steps/s, relative to lockstep steps/s over the bus", "",
         ratio(("in_process", "loop_steps_per_s"), ("lockstep", "loop_steps_per_s")),
     ),
     Comparison(
-        "lateness_p50_to_cyclictest", "lateness p50 over cyclictest's", "",
+        "lateness_p50_to_cyclictest", "lateness p50, relative to cyclictest's", "",
         ratio(("realtime", "lateness_p50_us"), ("cyclictest", "lateness_p50_us")), high=1.5,
     ),
     Comparison(
-        "lateness_p99_to_cyclictest", "lateness p99 over cyclictest's", "",
+        "lateness_p99_to_cyclictest", "lateness p99, relative to cyclictest's", "",
         ratio(("realtime", "lateness_p99_us"), ("cyclictest", "lateness_p99_us")), high=1.5,
     ),
     Comparison(
-        "command_age_p50_off_us", "command age p50, off one period", "us",
+        "command_age_p50_off_us", "command age p50, distance from one period", "us",
         lambda r: abs(r["realtime"]["command_age_p50_us"] - PERIOD_US), high=20.0,
     ),
     Comparison(
@@ -85,7 +85,7 @@ COMPARISONS = (
         lambda r: r["realtime"]["command_age_p99_us"], high=1.25 * PERIOD_US,
     ),
     Comparison(
-        "late_excess", "late ticks beyond twice cyclictest's share over 1 ms", "%",
+        "late_excess", "late ticks beyond twice cyclictest's share of wake-ups over 1 ms", "%",
         lambda r: 100.0 * _excess("")(r), high=0.1,
     ),
     Comparison(
@@ -93,15 +93,15 @@ COMPARISONS = (
         lambda r: 100.0 * r["realtime.loaded"]["late_fraction"], high=1.0,
     ),
     Comparison(
-        "watched_lockstep", "lockstep steps/s with hilrig watch over those without", "",
+        "watched_lockstep", "lockstep steps/s with hilrig watch, relative to without", "",
         ratio(("lockstep.watched", "loop_steps_per_s"), ("lockstep", "loop_steps_per_s")),
     ),
     Comparison(
-        "watched_lateness_p99", "lateness p99 with hilrig watch over that without", "",
+        "watched_lateness_p99", "lateness p99 with hilrig watch, relative to without", "",
         ratio(("realtime.watched", "lateness_p99_us"), ("realtime", "lateness_p99_us")),
     ),
     Comparison(
-        "certificate_cost", "lockstep rate that the certificate costs", "%",
+        "certificate_cost", "share of the lockstep rate that the certificate costs", "%",
         lambda r: 100.0 * r["lockstep.alternating"]["certificate_cost"],
         high=5.0,
     ),

@@ -72,7 +72,7 @@ def _round_trips(found: Document) -> Iterator[Table]:
         rows = [_round_trip(found, name, bare) for name in (own, *names) if _quantity(found, name, "round_trip_p50_us")]
         if names:
             title = f"Round trips, {words} [us]"
-            yield Table(title, ("", "p50", "p99", "max", "p50 over bare zenoh's"), rows)
+            yield Table(title, ("", "p50", "p99", "max", "p50, relative to bare zenoh's"), rows)
 
 
 def _round_trip(found: Document, name: str, bare: Document | None) -> list[str]:

@@ -16,7 +16,7 @@ LONGEST = 300
 
 
 def sources() -> list[Path]:
-    return sorted([*(ROOT / "hilrig").rglob("*.py"), *(ROOT / "drivers").rglob("*.py")])
+    return sorted(path for room in ("hilrig", "drivers", "benchmarks") for path in (ROOT / room).rglob("*.py"))
 
 
 def tracked() -> list[str]:
