@@ -7,8 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from hilrig.core.errors import OutOfReach
-from hilrig.core.interfaces import DelayEstimating, DelayEstimation
-from hilrig.core.parameters import per_axis
 from hilrig.core.signals import Array, State
 from hilrig.experiment.document import Keys
 from hilrig.experiment.trial import (
@@ -117,26 +115,8 @@ def check_controller(trial: Trial) -> None:
     """Raise InfeasibleError if the controller's parameters do not fit the task, by starting its law once."""
     try:
         trial.controller.start(make_task(trial), _at_rest(trial))
-        delay_estimation(trial)
     except ValueError as error:
         raise InfeasibleError(("controllers", trial.controller_name), str(error)) from error
-
-
-def delay_estimation(trial: Trial) -> DelayEstimation | None:
-    """Return the numbers of the controller's time delay estimation, one per axis; None if it offers none.
-
-    Raises ValueError, naming the field, if they are not one number per axis, or Mhat is not positive.
-    """
-    if not isinstance(trial.controller, DelayEstimating):
-        return None
-    given = trial.controller.delay_estimation(len(trial.axes))
-    if not isinstance(given, tuple) or len(given) != len(DelayEstimation._fields):
-        raise ValueError(f"delay_estimation returned {given!r}; it must return a DelayEstimation")
-    pairs = zip(DelayEstimation._fields, given, strict=True)
-    found = DelayEstimation(*(per_axis(value, len(trial.axes), f"delay_estimation: {name}") for name, value in pairs))
-    if not (np.isfinite(found.inertia_estimate).all() and (found.inertia_estimate > 0).all()):
-        raise ValueError(f"delay_estimation: inertia_estimate is {found.inertia_estimate}; it must be above 0 kg")
-    return found
 
 
 def _at_rest(trial: Trial) -> State:
