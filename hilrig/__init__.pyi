@@ -1,5 +1,8 @@
 # The public names. `hilrig/__init__.py` reads this list, and so do type checkers and editors.
 
+from .core.assessment import Assessment as Assessment
+from .core.assessment import Bound as Bound
+from .core.assessment import Setting as Setting
 from .core.compiler import jitable as jitable
 from .core.compiler import kernel as kernel
 from .core.compiler import kernel_without_arrays as kernel_without_arrays
@@ -45,6 +48,7 @@ from .kinds.actuation import motor_torque as motor_torque
 from .kinds.contact import Surface as Surface
 from .kinds.contact import SurfaceState as SurfaceState
 from .kinds.contact import contact_force as contact_force
+from .kinds.controllers._delay_estimation import assess_delay_estimation as assess_delay_estimation
 from .kinds.impedance import advance_filter as advance_filter
 from .kinds.impedance import desired_acceleration as desired_acceleration
 from .kinds.impedance import joint_torque as joint_torque

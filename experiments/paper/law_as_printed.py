@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from hilrig import Array, Law, Parameter, State, Task, kernel_without_arrays
+from hilrig import Array, Assessment, Law, Parameter, Setting, State, Task, kernel_without_arrays
 from hilrig.core.compiler import composed
 from hilrig.kinds.controllers import tde_sliding_mode as as_read
 from hilrig.kinds.controllers.tde_sliding_mode import Constants, Memory, TdeSlidingMode, adapt
@@ -41,6 +41,12 @@ class LawAsPrinted(TdeSlidingMode):
         if self.feedback == "positive":
             gains = gains._replace(position_gain=-self.position_gain, velocity_gain=-self.velocity_gain)
         return Law(self._step(), gains, law.memory)
+
+    def assess(self, setting: Setting) -> Assessment:
+        """Return no bounds: those of `tde_sliding_mode` hold for the law without misprints."""
+        return Assessment(
+            (), note="The bounds of tde_sliding_mode hold for the law without misprints; here none is known."
+        )
 
     def surface_gains(self) -> tuple[float, float]:
         """Return p12 (s^2) and p22 (s) of xi = p12 e + p22 e', the second row of P."""

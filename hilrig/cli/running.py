@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hilrig.cli.watch.process import WatchedRun
     from hilrig.core.errors import Problem
     from hilrig.experiment import Experiment
-    from hilrig.experiment.plan.margins import Margins
+    from hilrig.experiment.plan.assessing import PlanAssessment
     from hilrig.experiment.trial import Trial
 
 
@@ -28,7 +28,7 @@ def check(experiment: ExperimentFile, override: Overrides = None, as_json: AsJso
     """Check an experiment file; starts nothing.
 
     Says everything that is wrong, each with line, column, what is allowed and the nearest right name. Warns of bounds
-    of the paper that the experiment does not keep; a warning does not change the exit code.
+    that the experiment does not keep; a warning does not change the exit code.
     """
     loaded, trials = planned(experiment, override or [])
     found, warnings = judged(loaded, trials)
@@ -174,12 +174,12 @@ def planned(path: Path, overrides: list[str]) -> tuple[Experiment, tuple[Trial, 
     return loaded, plan_trials(loaded)
 
 
-def judged(experiment: Experiment, trials: tuple[Trial, ...]) -> tuple[Margins, list[Problem]]:
-    """Return how far the trials keep the paper's bounds, and what to warn of."""
-    from hilrig.experiment.plan.margins import margins
+def judged(experiment: Experiment, trials: tuple[Trial, ...]) -> tuple[PlanAssessment, list[Problem]]:
+    """Return which bounds the trials keep, and what to warn of."""
+    from hilrig.experiment.plan.assessing import assess
     from hilrig.experiment.plan.warnings import warnings
 
-    found = margins(trials)
+    found = assess(experiment, trials)
     return found, warnings(experiment, found)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
@@ -71,30 +71,10 @@ class Law(NamedTuple):
 
 
 class Controller(Protocol):
-    """Group `controllers`."""
+    """Group `controllers`. One that knows bounds of its law may also offer `hilrig.core.assessment.Assessing`."""
 
     def start(self, task: Task, state: State) -> Law:
         """Return the law for a trial that begins in `state`. Raises ValueError if a parameter does not fit the task."""
-        ...
-
-
-class DelayEstimation(NamedTuple):
-    """The numbers of a law with time delay estimation on which its bounds depend, one entry per task axis."""
-
-    inertia_estimate: Array
-    """Mhat, (m,) kg"""
-    position_gain: Array
-    """k_p, (m,) 1/s^2"""
-    velocity_gain: Array
-    """k_d, (m,) 1/s"""
-
-
-@runtime_checkable
-class DelayEstimating(Protocol):
-    """What a controller may offer, so that `hilrig check` and the report judge it by `hilrig.kinds.delay_bounds`."""
-
-    def delay_estimation(self, axes: int) -> DelayEstimation:
-        """Return the law's numbers on m = `axes`. Raises ValueError if a parameter does not fit them."""
         ...
 
 

@@ -1,9 +1,8 @@
-"""The section "Bounds": what the paper's bounds say of the run's controllers, from the plan and the record."""
+"""The section "Bounds": what controllers and task said of the plan, and the loop delay that was measured."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,16 +10,6 @@ import numpy as np
 
 from hilrig.core.signals import Array
 from hilrig.report.dataset import RunData
-
-_TITLES = {
-    "delay_printed": "delay bound (24), as printed (nu)",
-    "delay_derived": "delay bound (24), as derived (kappa)",
-    "delay_best": "delay bound (24), as derived, best kappa",
-    "inertia_lower": "Mhat, lower edge (empirical)",
-    "inertia_upper": "Mhat, upper edge",
-    "mismatch": "condition (9), |M_t⁻¹ Mhat − I|",
-    "joint_speed": "joint speed in free flight",
-}
 
 
 @dataclass(frozen=True)
@@ -34,50 +23,32 @@ class BoundRow:
     must: str
     margin: float | None
     kept: bool
+    decides: bool
+    """Whether anything is wrong if it is not kept; else it is shown for comparison"""
     remark: str
 
 
 @dataclass(frozen=True)
-class MeasuredDelay:
-    """The loop delay of a controller's trials in real time: the age of the command in effect."""
+class LoopDelay:
+    """The delay from measurement to command in effect of a controller's trials, ms."""
 
-    p50: float
-    """ms"""
-    p99: float
-    """ms"""
-    max: float
-    """ms"""
-    over: float
-    """Share of the periods whose delay was over the derived bound with the best kappa"""
-    over_paper: float
-    """The same with the paper's kappa"""
+    period: float
+    planned: float
+    p50: float | None
+    """As measured in real time, with the two below; None in lockstep, and where nothing was recorded"""
+    p99: float | None
+    max: float | None
 
 
 @dataclass(frozen=True)
 class BoundGroup:
-    """A controller with time delay estimation."""
+    """What is known of one controller, or of the task."""
 
-    controller: str
-    period: float
-    """ms"""
-    delay_set: float
-    """Actuation delay, ms"""
-    measured: MeasuredDelay | None
-    """None in lockstep, and where nothing was recorded"""
+    title: str
+    delay: LoopDelay | None
+    """None where no bound is on the loop delay"""
     rows: list[BoundRow]
     unknown: list[str]
-
-
-@dataclass(frozen=True)
-class FlightRow:
-    """A force-controlled axis in free flight."""
-
-    axis: str
-    phase: str
-    force: float
-    speed: float | None
-    time_constant: float | None
-    joints: BoundRow
 
 
 @dataclass(frozen=True)
@@ -85,50 +56,53 @@ class BoundsSection:
     """What the section shows."""
 
     known: bool
-    """Whether the plan has bounds; one made before they were written down has none"""
+    """Whether the plan says which bounds it keeps; that of an older hilrig does not, or in another form"""
     realtime: bool
+    notes: list[str]
+    """What readers should know of the bounds, each once"""
     groups: list[BoundGroup]
-    flights: list[FlightRow]
 
 
 def bounds_section(run: RunData, ages: Mapping[str, Sequence[Array]]) -> BoundsSection:
     """Return the section; `ages` are those of the commands in effect, (K,) s, by controller and trial in real time."""
-    found = run.bounds
-    periods = {trial.controller: trial.document for trial in run.trials}
-    groups = [
-        _group(name, estimator, periods[name], ages.get(name, ()))
-        for name, estimator in found.get("estimators", {}).items()
-    ]
-    flights = [
-        FlightRow(f["axis"], f["phase"], f["force"], f["speed"], f["time_constant"], _row(f["joints"]))
-        for f in found.get("flights", ())
-    ]
-    return BoundsSection(bool(found), run.manifest.get("clock") == "realtime", groups, flights)
+    found: Mapping[str, Any] = run.bounds.get("controllers", {})
+    task = run.bounds.get("task")
+    trials = {trial.controller: trial.document for trial in run.trials}
+    groups = [_group(name, said, trials[name], ages.get(name, ())) for name, said in found.items()]
+    said = [*found.values(), *([task] if task else [])]
+    if task and (task["bounds"] or task["unknown"]):
+        groups.append(BoundGroup("Task", None, [_row(bound) for bound in task["bounds"]], list(task["unknown"])))
+    notes = list(dict.fromkeys(item["note"] for item in said if item["note"]))
+    return BoundsSection(task is not None, run.manifest.get("clock") == "realtime", notes, groups)
 
 
-def _group(name: str, estimator: Mapping[str, Any], trial: Mapping[str, Any], ages: Sequence[Array]) -> BoundGroup:
-    checks = estimator["checks"]
-    limits = {check["bound"]: check["limit"] for check in checks}
-    all_ages = np.concatenate(ages) if ages else np.zeros(0)
-    return BoundGroup(
-        name, 1e3 * trial["period"], 1e3 * trial["actuation_delay"] * trial["period"], _measured(all_ages, limits),
-        [_row(check) for check in checks], list(estimator["unknown"]),
-    )  # fmt: skip
+def _group(name: str, said: Mapping[str, Any], trial: Mapping[str, Any], ages: Sequence[Array]) -> BoundGroup:
+    bounds, measured = said["bounds"], np.concatenate(ages) if ages else np.zeros(0)
+    on_delay = any(bound["recorded_as"] == "command_age" for bound in bounds)
+    delay = _delay(trial, measured) if on_delay else None
+    return BoundGroup(name, delay, [_row(bound, measured) for bound in bounds], list(said["unknown"]))
 
 
-def _measured(ages: Array, limits: Mapping[str, float]) -> MeasuredDelay | None:
+def _delay(trial: Mapping[str, Any], ages: Array) -> LoopDelay:
+    period, planned = 1e3 * trial["period"], 1e3 * trial["actuation_delay"] * trial["period"]
     if ages.size == 0:
-        return None
-    p50, p99, most = (1e3 * float(value) for value in np.percentile(ages, [50, 99, 100]))
-    shares = [float(np.mean(ages > limits.get(bound, math.inf))) for bound in ("delay_best", "delay_derived")]
-    return MeasuredDelay(p50, p99, most, *shares)
+        return LoopDelay(period, planned, None, None, None)
+    return LoopDelay(period, planned, *(1e3 * float(value) for value in np.percentile(ages, [50, 99, 100])))
 
 
-def _row(check: Mapping[str, Any]) -> BoundRow:
-    factor, unit = (1e3, "ms") if check["unit"] == "s" else (1.0, check["unit"].replace("x Mhat", "× Mhat"))
-    value, limit = (None if check[key] is None else factor * check[key] for key in ("value", "limit"))
-    kappa = "" if check["kappa"] is None else f"kappa = {check['kappa']:.3g}"
-    remark = "; ".join(part for part in (kappa, check["where"]) if part)
+def _row(bound: Mapping[str, Any], ages: Array | None = None) -> BoundRow:
+    ends = (bound["value"], bound["limit"])
+    in_ms = bound["unit"] == "s" and all(abs(number) < 1.0 for number in ends if number is not None)
+    value, limit = (None if number is None else number * (1e3 if in_ms else 1.0) for number in ends)
+    unit = "ms" if in_ms else bound["unit"].replace("x Mhat", "× Mhat")
     return BoundRow(
-        _TITLES[check["bound"]], value, limit, unit, check["must"], check["margin"], check["kept"], remark
+        bound["name"], value, limit, unit, bound["must"], bound["margin"], bound["kept"], bound["decides"],
+        "; ".join(_remarks(bound, ages)),
     )  # fmt: skip
+
+
+def _remarks(bound: Mapping[str, Any], ages: Array | None) -> Iterator[str]:
+    yield from (bound[key] for key in ("basis", "where") if bound[key])
+    if bound["recorded_as"] == "command_age" and bound["limit"] is not None and ages is not None and ages.size:
+        off = ages >= bound["limit"] if bound["must"] == "below" else ages <= bound["limit"]
+        yield f"as measured, not kept in {100 * float(np.mean(off)):.3g} % of the periods"

@@ -93,7 +93,7 @@ class RunData:
     trials: tuple[TrialEntry, ...]
     experiment_text: str
     bounds: Document
-    """What the plan says about the paper's bounds; empty in an old plan that says nothing"""
+    """Which bounds the plan keeps, by controller and of the task; empty in a plan made before it said so"""
 
     @property
     def controllers(self) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from hilrig.core.errors import ExperimentError, describe
 from hilrig.core.interfaces import is_fault
 from hilrig.experiment import Experiment
 from hilrig.experiment.expecting import ends_as_expected
-from hilrig.experiment.plan.margins import margins
+from hilrig.experiment.plan.assessing import assess
 from hilrig.experiment.trial import Trial
 from hilrig.kinds.registry import name_of
 from hilrig.recording.manifest import provenance
@@ -78,8 +78,8 @@ def execute(
     plan = {
         "experiment": experiment.to_document(),
         "trials": [trial.to_document() for trial in trials],
-        # Written down here because the report may be made on a machine without the robot's code.
-        "bounds": margins(trials).document(),
+        # Written down here: a report may be made where the robot's code is absent.
+        "bounds": assess(experiment, trials).document(),
     }
     run = create_run(options.out, experiment.name, source.read_bytes(), plan)
     manifest = _manifest(experiment, source, options)

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 
 from hilrig.core.errors import OutOfReach, PluginError
-from hilrig.core.interfaces import DelayEstimating, DelayEstimation, Law
+from hilrig.core.interfaces import Law
 from hilrig.core.law_memory import memory_problems
-from hilrig.core.parameters import per_axis
-from hilrig.core.signals import Array, State
+from hilrig.core.signals import Array
 from hilrig.experiment.document import Keys
 from hilrig.experiment.trial import (
     Trial,
     UnusableReferenceError,
     disturbance_schedule,
+    first_state,
     make_task,
     sample_axis,
     start_joint_position,
@@ -126,13 +126,13 @@ def _check_point(trial: Trial, position: Array, when: str, path: Keys) -> None:
 def check_controller(trial: Trial) -> None:
     """Raise InfeasibleError if the controller's parameters do not fit the task, by starting its law once."""
     path: Keys = ("controllers", trial.controller_name)
-    task, state = make_task(trial), _at_rest(trial)
+    q, still = start_joint_position(trial), np.zeros(trial.driver.robot.joints)
+    task, state = make_task(trial), first_state(trial, q, np.zeros(len(trial.axes)), still, trial.period)
     try:
         with code_of(trial.controller):
             law = trial.controller.start(task, state)
             if not isinstance(law, Law):
                 raise TypeError(f"start returned a {type(law).__name__}; it must return a Law")
-            delay_estimation(trial)
     except PluginError as error:
         raise InfeasibleError(path, str(error)) from error
     problems = [
@@ -141,31 +141,3 @@ def check_controller(trial: Trial) -> None:
     ]
     if problems:
         raise InfeasibleError(path, "; ".join(problems))
-
-
-def delay_estimation(trial: Trial) -> DelayEstimation | None:
-    """Return the numbers of the controller's time delay estimation, one per axis; None if it offers none.
-
-    Raises ValueError, naming the field, if they are not one number per axis, or Mhat is not positive.
-    """
-    if not isinstance(trial.controller, DelayEstimating):
-        return None
-    given = trial.controller.delay_estimation(len(trial.axes))
-    if not isinstance(given, tuple) or len(given) != len(DelayEstimation._fields):
-        raise ValueError(f"delay_estimation returned {given!r}; it must return a DelayEstimation")
-    pairs = zip(DelayEstimation._fields, given, strict=True)
-    found = DelayEstimation(*(per_axis(value, len(trial.axes), f"delay_estimation: {name}") for name, value in pairs))
-    if not (np.isfinite(found.inertia_estimate).all() and (found.inertia_estimate > 0).all()):
-        raise ValueError(f"delay_estimation: inertia_estimate is {found.inertia_estimate}; it must be above 0 kg")
-    return found
-
-
-def _at_rest(trial: Trial) -> State:
-    """Return the state at rest at the start, without contact."""
-    robot = trial.driver.robot
-    q, still = start_joint_position(trial), np.zeros(robot.joints)
-    at = robot.kinematics(q, still)
-    return State(
-        q, still, at.position, at.velocity, at.jacobian, at.jacobian_rate, at.regressor,
-        np.zeros(len(robot.axes)), still.copy(), trial.period,
-    )  # fmt: skip

@@ -3,64 +3,53 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from hilrig.core.signals import Array, Kinematics
+from hilrig.core.assessment import TipPath
+from hilrig.core.signals import Array, Kinematics, Reference
 from hilrig.experiment.plan.feasibility import instants, trajectory
-from hilrig.experiment.trial import Trial, disturbance_schedule
-from hilrig.kinds.delay_bounds import mobility
+from hilrig.experiment.trial import Trial, disturbance_schedule, references
 
 
-class TipPath(NamedTuple):
-    """The path of one condition at K instants, as the check of the workspace looks at it."""
-
-    condition: str
-    """Name of the condition; empty where all conditions have the same course"""
-    places: tuple[str, ...]
-    """Phase, time and tip position in words, (K,)"""
-    mobility: Array | None
-    """M_t^-1, (K, m, m) 1/kg; None if there is no M to invert"""
-    joint_rates: Array
-    """J^+, joint rates for a tip velocity, (K, n, m) rad/m"""
-    delay: int
-    """Most samples between a measurement and its command's effect: actuation and measurement delay"""
-
-    def place(self, index: int) -> str:
-        """Return in words where instant `index` is."""
-        return f"{self.prefix}{self.places[index]}"
-
-    @property
-    def prefix(self) -> str:
-        """The condition in words, if it matters."""
-        return f"condition '{self.condition}', " if self.condition else ""
-
-
-def tip_paths(trials: Sequence[Trial]) -> list[TipPath]:
-    """Return the different courses of the trials, whose path is within reach."""
-    found: dict[tuple[bytes, int], TipPath] = {}
+def tip_paths(trials: Sequence[Trial]) -> tuple[TipPath, ...]:
+    """Return the paths of the trials that differ, each within reach, of one condition each."""
+    different: dict[tuple[bytes, int], Trial] = {}
     for trial in {trial.condition_name: trial for trial in trials}.values():
-        path = trajectory(trial)
-        delay = trial.actuation_delay + int(disturbance_schedule(trial).measurement_delay.max())
-        if (path.tobytes(), delay) not in found:
-            found[path.tobytes(), delay] = _course(trial, path, delay)
-    if len(found) == 1:
-        return [course._replace(condition="") for course in found.values()]
-    return list(found.values())
+        different.setdefault((trajectory(trial).tobytes(), _delay(trial)), trial)
+    return tuple(_tip_path(trial, named=len(different) > 1) for trial in different.values())
 
 
-def _course(trial: Trial, path: Array, delay: int) -> TipPath:
-    robot = trial.driver.robot
+def mobility(at: Kinematics, dynamic_parameters: Array) -> Array:
+    """Return M_t^-1 = J M^-1 J^T (m, m) 1/kg at one place, with M from the regressor and theta (p,).
+
+    It stays finite where J is singular and M_t is not. Raises LinAlgError (a ValueError) if M is singular.
+    """
+    n = at.jacobian.shape[1]
+    mass = (at.regressor[1 + n :] @ dynamic_parameters).T
+    return at.jacobian @ np.linalg.solve(mass, at.jacobian.T)
+
+
+def _delay(trial: Trial) -> int:
+    return trial.actuation_delay + int(disturbance_schedule(trial).measurement_delay.max())
+
+
+def _tip_path(trial: Trial, named: bool) -> TipPath:
+    """Return the path of a trial; its condition is `named` where another one has another path."""
+    robot, path = trial.driver.robot, trajectory(trial)
     theta, still = robot.dynamic_parameters(), np.zeros(robot.joints)
     ticks = instants(trial, path)
     observations = [robot.kinematics(robot.inverse_kinematics(path[tick]), still) for tick in ticks]
+    prefix = f"condition '{trial.condition_name}', " if named else ""
     return TipPath(
-        trial.condition_name,
-        tuple(_words(trial, tick, path[tick]) for tick in ticks),
+        trial.condition_name if named else "",
+        _delay(trial),
+        np.array(ticks) * trial.period,
+        path[ticks],
+        Reference(*(signal[ticks] for signal in references(trial))),
+        np.array([at.jacobian for at in observations]),
         _mobilities(observations, theta),
-        np.array([np.linalg.pinv(at.jacobian) for at in observations], dtype=np.float64),
-        delay,
+        tuple(prefix + _words(trial, tick, path[tick]) for tick in ticks),
     )
 
 

@@ -7,8 +7,9 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from hilrig.core.assessment import Assessment, Setting
 from hilrig.core.compiler import kernel, kernel_without_arrays
-from hilrig.core.interfaces import DelayEstimation, Impedance, Law, Task
+from hilrig.core.interfaces import Impedance, Law, Task
 from hilrig.core.parameters import Parameter, PerAxis, per_axis
 from hilrig.core.signals import Array, Reference, State
 from hilrig.kinds.impedance import eliminate, move_filter
@@ -65,10 +66,12 @@ class TdeSlidingMode:
         )  # fmt: skip
         return Law(step, constants, memory)
 
-    def delay_estimation(self, axes: int) -> DelayEstimation:
-        """Return Mhat, k_p and k_d."""
-        names = ("inertia_estimate", "position_gain", "velocity_gain")
-        return DelayEstimation(*(per_axis(getattr(self, name), axes, name) for name in names))
+    def assess(self, setting: Setting) -> Assessment:
+        """Return the paper's delay bound (24), the window of Mhat and condition (9)."""
+        # Here, since it imports scipy: the processes of the rig start without it.
+        from hilrig.kinds.controllers._delay_estimation import assess_delay_estimation
+
+        return assess_delay_estimation(setting, self.inertia_estimate, self.position_gain, self.velocity_gain)
 
     def surface_gains(self) -> tuple[float, float]:
         """Return p12 (s^2) and p22 (s) of xi = p12 e + p22 e', the second row of P."""

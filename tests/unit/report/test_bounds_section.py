@@ -5,44 +5,41 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from helpers.report_builders import make_run
 
+from hilrig.core.assessment import Assessment, Bound
+from hilrig.experiment.plan.assessing import PlanAssessment
+from hilrig.recording.run_directory import to_json
 from hilrig.report import make_report
 from hilrig.report.bounds_section import bounds_section
 from hilrig.report.dataset import load_run
 
-
-def check(bound: str, value: float | None, must: str, limit: float, kept: bool, unit: str = "s") -> dict:
-    kappa = 0.08 if bound.startswith("delay") else None
-    return {
-        "bound": bound, "value": value, "must": must, "limit": limit, "unit": unit, "where": "phase 'before'",
-        "kappa": kappa, "kept": kept, "margin": 0.75,
-    }  # fmt: skip
-
-
-CHECKS = [
-    check("delay_derived", 1e-3, "below", 0.75e-3, False),
-    check("delay_best", 1e-3, "below", 2.8e-3, True),
-    check("inertia_upper", 0.4, "below", 0.3, False, "kg"),
-]
-FLIGHT = {
-    "axis": "z", "phase": "before", "force": 3.5, "speed": None, "time_constant": None,
-    "joints": check("joint_speed", None, "below", 20.0, False, "rad/s"),
-}  # fmt: skip
-BOUNDS = {"estimators": {"small": {"checks": CHECKS, "unknown": ["the tides"]}}, "flights": [FLIGHT]}
+DELAY: Any = {"value": 1e-3, "must": "below", "unit": "s", "where": "phase 'before'", "recorded_as": "command_age"}
+SMALL = Assessment(
+    (
+        Bound("delay, for comparison", limit=0.75e-3, warning="", basis="kappa = 0.08", **DELAY),
+        Bound("delay", limit=2.8e-3, warning="the delay is too long", **DELAY),
+        Bound("mass", 0.4, "below", 0.3, "kg", "the mass is too large"),
+    ),
+    ("the tides are not known",),
+    "Bounds of the small one.",
+)
+TASK = Assessment((Bound("joint speed", np.inf, "below", 20.0, "rad/s", "it is too fast"),))
 
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    """A run whose plan has bounds for one of its two controllers."""
+    """A run whose plan has bounds for one of its two controllers, and for the task."""
     run = make_run(tmp_path / "run", {"small": 1.0, "large": 3.0}, repeats=1, seconds=0.1)
     plan = json.loads((run / "plan.json").read_text())
     for trial in plan["trials"]:
         trial["actuation_delay"] = 1
-    (run / "plan.json").write_text(json.dumps({**plan, "bounds": BOUNDS}))
+    bounds = PlanAssessment({"small": SMALL}, TASK).document()
+    (run / "plan.json").write_text(to_json({**plan, "bounds": bounds}))
     return run
 
 
@@ -54,34 +51,46 @@ def section_of(page: Path) -> str:
 def test_the_section_shows_values_limits_and_words(run: Path, tmp_path: Path) -> None:
     section = section_of(make_report(run, tmp_path / "out"))
     rows = re.findall(r"<tr><td>([^<]*)</td><td>([^<]*)</td><td>([^<]*) <small>(.*?)</small>", section)
-    assert ("Mhat, upper edge", "0.400", "below 0.300", "kg") in rows
-    assert ("delay bound (24), as derived (kappa)", "1.00", "below 0.750", "ms") in rows
-    assert re.findall(r'"left (good|bad)">([^<]*)<', section) == [
-        ("bad", "✗ violated"), ("good", "kept"), ("bad", "✗ violated"), ("bad", "✗ violated"),
+    assert rows == [
+        ("delay, for comparison", "1.00", "below 0.750", "ms"), ("delay", "1.00", "below 2.80", "ms"),
+        ("mass", "0.400", "below 0.300", "kg"), ("joint speed", "∞", "below 20.0", "rad/s"),
     ]  # fmt: skip
-    assert "Not known: the tides." in section
-    assert "exact, since the plant waits in lockstep" in section
-    assert "unbounded" in section
-    assert "<h3>large</h3>" not in section
+    assert re.findall(r'"left (good|bad|)">([^<]*)<', section) == [
+        ("", "not kept"), ("good", "kept"), ("bad", "✗ not kept"), ("bad", "✗ not kept"),
+    ]  # fmt: skip
+    assert re.findall("<h3>(.*)</h3>", section) == ["small", "Task"]
+    assert "The tides are not known." in section
+    assert '<p class="note">Bounds of the small one.</p>' in section
+    assert "1.00 ms as planned, exact, since the plant waits in lockstep" in section
+    assert "kappa = 0.08; phase" in section
 
 
 def test_the_numbers_are_for_programs_too(run: Path, tmp_path: Path) -> None:
     make_report(run, tmp_path / "out")
-    bounds = json.loads((tmp_path / "out" / "summary.json").read_text())["bounds"]
-    (group,) = bounds["groups"]
-    assert (group["controller"], group["period"], group["delay_set"], group["measured"]) == ("small", 1.0, 1.0, None)
-    assert [row["kept"] for row in group["rows"]] == [False, True, False]
-    assert bounds["flights"][0]["axis"] == "z"
+    small, task = json.loads((tmp_path / "out" / "summary.json").read_text())["bounds"]["groups"]
+    assert small["title"] == "small"
+    assert small["delay"] == {"period": 1.0, "planned": 1.0, "p50": None, "p99": None, "max": None}
+    assert [row["kept"] for row in small["rows"]] == [False, True, False]
+    assert (task["title"], task["delay"], task["rows"][0]["value"]) == ("Task", None, None)
 
 
 def test_a_plan_without_bounds_says_so(tmp_path: Path) -> None:
     run = make_run(tmp_path / "run", {"small": 1.0}, repeats=1, seconds=0.1)
-    assert "Not known: the plan of this run" in section_of(make_report(run, tmp_path / "out"))
+    assert "Not known: this run was planned by an older hilrig." in section_of(make_report(run, tmp_path / "out"))
 
 
-def test_measured_delays_are_told_in_milliseconds_and_against_both_bounds(run: Path) -> None:
+def test_a_plan_with_bounds_in_the_form_of_an_older_hilrig_says_so(run: Path) -> None:
+    plan = json.loads((run / "plan.json").read_text())
+    (run / "plan.json").write_text(json.dumps({**plan, "bounds": {"estimators": {}, "flights": []}}))
+    assert not bounds_section(load_run(run), {}).known
+
+
+def test_measured_delays_are_held_against_the_bounds_on_them(run: Path) -> None:
     delays = [np.array([0.5e-3] * 50), np.array([1e-3] * 40 + [5e-3] * 10)]
-    (group,) = bounds_section(load_run(run), {"small": delays}).groups
-    assert group.measured is not None
-    assert (group.measured.p50, group.measured.max) == pytest.approx((0.75, 5.0))
-    assert (group.measured.over, group.measured.over_paper) == pytest.approx((0.1, 0.5))
+    group = bounds_section(load_run(run), {"small": delays}).groups[0]
+    assert group.delay is not None
+    assert (group.delay.p50, group.delay.max) == pytest.approx((0.75, 5.0))
+    remarks = [row.remark for row in group.rows]
+    assert remarks[0] == "kappa = 0.08; phase 'before'; as measured, not kept in 50 % of the periods"
+    assert remarks[1] == "phase 'before'; as measured, not kept in 10 % of the periods"
+    assert "measured" not in remarks[2]

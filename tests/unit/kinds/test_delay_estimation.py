@@ -9,22 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hilrig.core.signals import Array
-from hilrig.kinds import delay_bounds as bounds
-from hilrig.kinds.controllers.tde_sliding_mode import TdeSlidingMode
-from hilrig.kinds.delay_bounds import (
+from hilrig.kinds.controllers._delay_bound import (
+    PAPER_NU,
     ErrorDynamics,
     best_delay_bound,
     delay_bound,
     error_dynamics,
-    estimation_mismatch,
-    free_flight,
     gamma,
-    highest_ratio,
-    inertia_ratios,
-    lowest_ratio,
     lyapunov_matrix,
-    mobility,
 )
+from hilrig.kinds.controllers._inertia_window import estimation_mismatch, highest_ratio, inertia_ratios, lowest_ratio
+from hilrig.kinds.controllers.tde_sliding_mode import TdeSlidingMode
 from hilrig.loop.control import filter_velocity
 
 gains = st.floats(1.0, 500.0)
@@ -94,7 +89,7 @@ def integrand(d: ErrorDynamics, p: Array, e: Array, past: Array, older: Array, h
 @given(seed=seeds, kappa=st.floats(1e-3, 1.0), m=st.integers(1, 2))
 def test_gamma_bounds_the_delayed_terms(seed: int, kappa: float, m: int) -> None:
     """integrand <= E^T Gamma E / 2 + H^T B^T P B H/(2 kappa), with E^T P E earlier up to nu times that of now."""
-    random, d, nu = np.random.default_rng(seed), error_dynamics(150.0, 30.0, m), bounds.PAPER_NU
+    random, d, nu = np.random.default_rng(seed), error_dynamics(150.0, 30.0, m), PAPER_NU
     p = lyapunov_matrix(d.undelayed)
     e, h = random.normal(size=2 * m), random.normal(size=m)
     past, older = (on_ellipsoid(random.normal(size=2 * m), p, nu * (e @ p @ e)) for _ in range(2))
@@ -163,20 +158,6 @@ def test_a_weight_of_any_shape_counts_by_its_least_eigenvalue(
 def test_constants_that_the_proof_excludes_are_refused(nu: float, kappa: float, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         delay_bound(PAPER, nu=nu, kappa=kappa)
-
-
-def test_mobility_is_the_inverse_of_the_tips_inertia() -> None:
-    """Two rods written out: M from the energies of the links; M_t = J^-T M J^-1."""
-    q1, q2, (l1, l2), (m1, m2) = 0.4, 1.3, (0.345, 0.2), (1.8, 1.1)
-    at = arm().kinematics(np.array([q1, q2]), np.zeros(2))
-    centre_1 = l1 / 2 * np.array([[-np.sin(q1), 0], [np.cos(q1), 0]])
-    elbow, forearm = 2 * centre_1, l2 / 2 * np.array([[-np.sin(q1 + q2)], [np.cos(q1 + q2)]])
-    turn_1, turn_2 = np.array([[1.0, 0.0]]), np.array([[1.0, 1.0]])
-    mass = m1 * centre_1.T @ centre_1 + m1 * l1**2 / 12 * turn_1.T @ turn_1
-    mass += m2 * (elbow + forearm @ turn_2).T @ (elbow + forearm @ turn_2) + m2 * l2**2 / 12 * turn_2.T @ turn_2
-    inverse = np.linalg.inv(at.jacobian)
-    found = mobility(at, arm().dynamic_parameters())
-    np.testing.assert_allclose(np.linalg.inv(found), inverse.T @ mass @ inverse, rtol=1e-10)
 
 
 @given(seed=seeds, m=axes)
@@ -251,15 +232,3 @@ def test_a_loop_that_cannot_be_is_refused(delay: int, smoothing: float | None, w
 def test_the_lower_edge_is_that_of_the_stiffest_axis() -> None:
     assert lowest_ratio(1e-3, 150.0, 30.0) == pytest.approx(0.01)
     assert lowest_ratio(1e-3, np.array([150.0, 300.0]), np.array([30.0, 30.0])) == pytest.approx(0.02)
-
-
-def test_free_flight_approaches_its_speed() -> None:
-    """M_d x'' + B_d x' = F_d integrated: 63.2 % of the speed after one time constant."""
-    free = free_flight(-3.5, 6.0, 60.0)
-    assert free == pytest.approx((3.5 / 60, 0.1))
-    speed, step = 0.0, 1e-5
-    for _ in range(round(free.time_constant / step)):
-        speed += step * (3.5 - 60.0 * speed) / 6.0
-    assert speed == pytest.approx((1 - np.exp(-1)) * free.speed, rel=1e-3)
-    assert free_flight(3.5, 6.0, 0.0) == (np.inf, np.inf)
-    assert free_flight(0.0, 6.0, 0.0) == (0.0, np.inf)

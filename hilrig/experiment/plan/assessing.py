@@ -1,0 +1,146 @@
+"""Asks every controller that can tell, and the task, which bounds the plan keeps: numbers for check and report."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+import traceback
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from hilrig.core.assessment import Assessing, Assessment, Bound, Setting
+from hilrig.core.errors import ExperimentError, Problem
+from hilrig.experiment.plan.free_flight import assess_free_flight
+from hilrig.experiment.plan.path import tip_paths
+from hilrig.experiment.trial import Trial, make_task
+
+if TYPE_CHECKING:
+    from hilrig.experiment import Experiment
+
+
+class PlanAssessment(NamedTuple):
+    """What is known of a plan before it is run."""
+
+    controllers: Mapping[str, Assessment]
+    """By name, of those that can tell"""
+    task: Assessment
+
+    def document(self) -> dict[str, Any]:
+        """Return it as plain data for JSON."""
+        controllers = {name: assessment.document() for name, assessment in self.controllers.items()}
+        return {"controllers": controllers, "task": self.task.document()}
+
+
+def assess(experiment: Experiment, trials: Sequence[Trial]) -> PlanAssessment:
+    """Return which bounds the trials of an experiment's plan keep, at the worst place of all conditions.
+
+    Raises ExperimentError if a controller's `assess` fails or returns something else than an assessment.
+    """
+    setting = setting_of(trials)
+    controllers = {trial.controller_name: trial.controller for trial in trials}
+    found, problems = {}, []
+    for name, controller in controllers.items():
+        if not isinstance(controller, Assessing):
+            continue
+        try:
+            found[name] = _checked(controller.assess(setting))
+        except Exception as error:
+            place = experiment.place("controllers", name)
+            problems.append(Problem(place, f"controller '{name}': {_failure(controller, error)}"))
+    if problems:
+        raise ExperimentError(problems)
+    return PlanAssessment(found, assess_free_flight(trials[0], setting))
+
+
+def setting_of(trials: Sequence[Trial]) -> Setting:
+    """Return what the trials of a plan have in common: loop, task, and the paths of all conditions."""
+    first = trials[0]
+    paths = tip_paths([trial for trial in trials if trial.repeat == first.repeat])
+    limits = first.limits
+    return _read_only(
+        Setting(make_task(first), first.velocity_smoothing, limits.joint_velocity, limits.tip_force, paths)
+    )
+
+
+def _read_only(value: Any) -> Any:
+    """Return the same with views of its arrays that nobody can write to: all controllers are told the same."""
+    if isinstance(value, np.ndarray):
+        view = value.view()
+        view.flags.writeable = False
+        return view
+    if isinstance(value, tuple):
+        items = [_read_only(item) for item in value]
+        return type(value)(*items) if hasattr(value, "_fields") else tuple(items)
+    return value
+
+
+class _NotAnAssessmentError(Exception):
+    """What a controller returned is none; the message says what is wrong with it."""
+
+
+def _checked(found: Any) -> Assessment:
+    """Return what a controller said of itself. Raises _NotAnAssessmentError."""
+    if not isinstance(found, Assessment):
+        raise _NotAnAssessmentError(f"it must return an Assessment, not {_shown(found)}")
+    for name, kind in (("bounds", Bound), ("unknown", str)):
+        items = getattr(found, name)
+        if not isinstance(items, (tuple, list)):
+            raise _NotAnAssessmentError(f"'{name}' must be a tuple, not {_shown(items)}")
+        for item in items:
+            if not isinstance(item, kind):
+                raise _NotAnAssessmentError(f"'{name}' must hold {kind.__name__}, not {_shown(item)}")
+    if not isinstance(found.note, str):
+        raise _NotAnAssessmentError(f"'note' must be text, not {_shown(found.note)}")
+    return Assessment(tuple(_checked_bound(bound) for bound in found.bounds), tuple(found.unknown), found.note)
+
+
+def _checked_bound(bound: Bound) -> Bound:
+    """Return a bound whose numbers are plain floats. Raises _NotAnAssessmentError."""
+    who = f"bound '{bound.name}'"
+    for name in ("name", "unit", "warning", "where", "basis"):
+        if not isinstance(text := getattr(bound, name), str):
+            raise _NotAnAssessmentError(f"{who}: '{name}' must be text, not {_shown(text)}")
+    if bound.must not in ("below", "above"):
+        raise _NotAnAssessmentError(f"{who}: 'must' is {_shown(bound.must)}; it must be 'below' or 'above'")
+    if bound.recorded_as not in ("", "command_age"):
+        raise _NotAnAssessmentError(
+            f"{who}: 'recorded_as' is {_shown(bound.recorded_as)}; it must be 'command_age' or ''"
+        )
+    if not isinstance(bound.about, (tuple, list)) or not all(isinstance(key, (str, int)) for key in bound.about):
+        raise _NotAnAssessmentError(f"{who}: 'about' must be keys, such as ('gain',), not {_shown(bound.about)}")
+    value, limit = (_number(who, name, getattr(bound, name)) for name in ("value", "limit"))
+    return bound._replace(value=value, limit=limit, about=tuple(bound.about))
+
+
+def _number(who: str, name: str, value: Any) -> float:
+    """Return a number of a bound, infinite if need be. Raises _NotAnAssessmentError."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "iuf" or array.size != 1:
+        raise _NotAnAssessmentError(f"{who}: '{name}' must be one number, not {_shown(value)}")
+    if np.isnan(array).any():
+        raise _NotAnAssessmentError(f"{who}: '{name}' is not a number (nan)")
+    return float(array.reshape(()))
+
+
+def _shown(value: Any) -> str:
+    """Return a value in a few words; of an array its shape."""
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _failure(controller: Assessing, error: Exception) -> str:
+    """Return why `assess` failed, and in which line of the controller's file."""
+    file = str(sys.modules[type(controller).__module__].__file__)
+    if isinstance(error, _NotAnAssessmentError):
+        code = getattr(inspect.unwrap(type(controller).assess), "__code__", None)
+        where = f"{Path(code.co_filename).name}:{code.co_firstlineno}" if code else Path(file).name
+        return f"assess in {where}: {error}"
+    frames = traceback.extract_tb(error.__traceback__)
+    # What is raised deep in a library was called from somewhere in the controller's own file.
+    own = [frame for frame in frames if frame.filename == file] or frames
+    return f"assess failed at {Path(own[-1].filename).name}:{own[-1].lineno}: {type(error).__name__}: {error}"
