@@ -13,18 +13,9 @@ import numpy as np
 
 from hilrig.core.errors import PluginError
 from hilrig.core.interfaces import (
-    POSITION_CLIP,
-    VELOCITY_CLIP,
-    Controller,
-    Disturbance,
-    Driver,
-    Impedance,
-    ReferenceSignal,
-    Samples,
-    Span,
-    Task,
-)
-from hilrig.core.parameters import Parameter  # fmt: skip
+    POSITION_CLIP, VELOCITY_CLIP, Controller, Disturbance, Driver, Impedance, ReferenceSignal, Samples, Span, Task,
+)  # fmt: skip
+from hilrig.core.parameters import Parameter
 from hilrig.core.signals import Array, DisturbanceSchedule, Reference, State
 from hilrig.experiment.rig_settings import RigSettings
 from hilrig.experiment.timing_budget import TimingBudget

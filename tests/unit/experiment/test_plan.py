@@ -200,7 +200,7 @@ def test_a_plan_written_before_there_was_a_set_up_has_the_default(tmp_path: Path
     [
         ("rig.scheduler=fifi", "'fifi' is not allowed; did you mean 'fifo'? (allowed: 'fifo', 'batch', 'other')"),
         ("rig.priority=100", "100"),
-        ("rig.spin=2 ms", "0.002 s is not less than the period of 0.001 s"),
+        ("rig={spin: 11 ms}", "'11 ms' is not allowed; this needs a time, e.g. '1 ms' (from 0 to 0.01 s)"),
         ("rig.lock_memry=true", "unknown key 'lock_memry'; did you mean 'lock_memory'?"),
     ],
 )
