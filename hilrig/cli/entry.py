@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import sys
 import traceback
+from importlib import import_module
 
 import typer
 
-# The verbs register themselves, in the order in which the help lists them.
-from hilrig.cli import running, watching, reproducing, runs, kinds, doctoring, benching  # isort: skip  # noqa: F401
 from hilrig.cli.application import app
+from hilrig.cli.verbs import VERBS
 from hilrig.core.errors import HilrigError, RigError
+
+for verb in VERBS:
+    import_module(f"hilrig.cli.verbs.{verb}")
+import_module("hilrig.cli.benching")
 
 
 def main() -> None:
