@@ -19,22 +19,21 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Hardware-in-the-loop experiments for robot force-position control.\n\n"
-    "An experiment is one YAML file; a run of it is one directory; a report is one page.\n\n"
+    "An experiment is one YAML file, a run of it is one directory, and its report is one page.\n\n"
     "Start here:  hilrig run experiments/quickstart.yaml",
 )
 
 ExperimentFile = Annotated[
     Path, typer.Argument(metavar="EXPERIMENT", help="The experiment's YAML file.", show_default=False)
 ]
-RunArgument = Annotated[
-    Path, typer.Argument(metavar="RUN", help="A run directory, or its name below runs/.", show_default=False)
-]
+RUN_HELP = "A run directory, or its name below runs/."
+RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help=RUN_HELP, show_default=False)]
 Overrides = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
         metavar="KEY=VALUE",
-        help="Change a value, e.g. --set controllers.pd.damping='80 N*s/m'. May be repeated.",
+        help="Change a value of the file, e.g. --set controllers.pd.damping='80 N*s/m'. May be repeated.",
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
@@ -57,7 +56,7 @@ def _options(
 
 
 def find_run(run: Path) -> Path:
-    """Return the run directory that was meant: a path, or a name below runs/."""
+    """Return the run directory that `run` means: a path, or a name below runs/."""
     from hilrig.recording import run_directory
 
     if run.exists() or len(run.parts) > 1:

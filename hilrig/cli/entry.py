@@ -5,13 +5,16 @@ from __future__ import annotations
 import sys
 import traceback
 from collections.abc import Callable
+from importlib import import_module
 
 import typer
 
-# The verbs register themselves, in the order in which the help lists them.
-from hilrig.cli import running, watching, reproducing, runs, kinds, doctoring  # isort: skip  # noqa: F401
 from hilrig.cli.application import app
+from hilrig.cli.verbs import VERBS
 from hilrig.core.errors import HilrigError, RigError
+
+for verb in VERBS:
+    import_module(f"hilrig.cli.verbs.{verb}")
 
 
 def main(program: Callable[[], object] = app) -> None:

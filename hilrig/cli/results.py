@@ -1,4 +1,4 @@
-"""What a run came to: its report, which expectations are met, and both for CI."""
+"""The results of a run: its report, which expectations were met, and both for CI."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ Junit = Annotated[
         dir_okay=False,
         writable=True,
         show_default=False,
-        help="Write trials and expectations as JUnit XML, for CI.",
+        help="Write trials and expectations to this file as JUnit XML, for CI.",
     ),
 ]
 
 
 def make_room(junit: Path | None) -> None:
-    """Make the folder that the JUnit file goes to. Raises RunDirectoryError: before the run, not after it."""
+    """Make the folder for the JUnit file, before the run. Raises RunDirectoryError."""
     from hilrig.recording.run_directory import make_directory
 
     if junit is not None:
@@ -37,9 +37,9 @@ def make_room(junit: Path | None) -> None:
 
 
 def tell_run(run: Path, experiment: Experiment, trials: Sequence[Trial], outcomes: Sequence[Outcome]) -> bool:
-    """Print how many trials of a run completed, and which were outside their timing budget.
+    """Print how many trials of a run completed, and which did not keep their timing budget.
 
-    Return whether every one completed within it, or ended as expected.
+    Return whether every trial completed within its budget, or ended as expected.
     """
     from hilrig.experiment.expecting import ended_early, ends_as_expected
     from hilrig.recording.run_directory import INVALID, ending, read_outcome, reason
@@ -62,7 +62,7 @@ def tell_run(run: Path, experiment: Experiment, trials: Sequence[Trial], outcome
 
 
 def tell_results(run: Path, out: Path | None, report: bool, junit: Path | None) -> bool:
-    """Measure a run, make its report if wanted, and print both; return whether every expectation is met."""
+    """Measure a run, make its report if wanted, and print both. Return whether every expectation was met."""
     from hilrig.cli.terminal import errors, print_expectations
 
     with errors.status("making the report" if report else "measuring"):

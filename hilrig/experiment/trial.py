@@ -13,7 +13,16 @@ import numpy as np
 
 from hilrig.core.errors import PluginError
 from hilrig.core.interfaces import (
-    POSITION_CLIP, VELOCITY_CLIP, Controller, Disturbance, Driver, Impedance, ReferenceSignal, Samples, Span, Task,
+    POSITION_CLIP,
+    VELOCITY_CLIP,
+    Controller,
+    Disturbance,
+    Driver,
+    Impedance,
+    ReferenceSignal,
+    Samples,
+    Span,
+    Task,
 )  # fmt: skip
 from hilrig.core.parameters import Parameter
 from hilrig.core.signals import Array, DisturbanceSchedule, Reference, State

@@ -107,7 +107,7 @@ def test_an_unknown_run_is_named() -> None:
         (("check", "none.yaml"), "none.yaml"),
         (("run", "{quickstart}", "--set", "controllers.pd.stifness=3"), "did you mean 'stiffness'"),
         (("run", "{quickstart}", "--clock", "fast"), "lockstep"),
-        (("run", "{quickstart}", "--jobs", "0"), "--jobs: 0 trials"),
+        (("run", "{quickstart}", "--jobs", "0"), "--jobs 0: the number of trials"),
         (("run", "{quickstart}", "--junit", "{quickstart}/x.xml"), "there is a file of that name"),
         (("run", "{quickstart}", "--junit", "/"), "is a directory"),
         (("run", "{quickstart}", "--clock", "realtime", "--jobs", "2"), "--jobs"),
@@ -116,7 +116,7 @@ def test_an_unknown_run_is_named() -> None:
         (("reproduce", "none.yaml"), "none.yaml"),
         (("reproduce", "{quickstart}"), "this is an experiment, not a study; type: hilrig run"),
         (("reproduce", "{quickstart}", "--set", "repeats=2"), "give --out"),
-        (("reproduce", "{quickstart}", "--jobs", "0"), "1 is the least"),
+        (("reproduce", "{quickstart}", "--jobs", "0"), "must be at least 1"),
     ],
 )
 def test_a_wrong_call_is_one_message_and_exit_2(hilrig, tmp_path: Path, arguments, words: str) -> None:

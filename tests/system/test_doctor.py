@@ -28,6 +28,6 @@ def test_the_machine_is_examined_probed_and_judged(hilrig: Program) -> None:
 def test_a_person_is_shown_a_table_and_the_commands(hilrig: Program) -> None:
     done = hilrig("doctor", "--seconds", "0.1")
     assert done.returncode == 0, done.stderr
-    assert done.stderr == "probing for 0.1 s ...\n"
+    assert done.stderr == "measuring for 0.1 s ...\n"
     for part in ("SCHED_FIFO", "round trip over the bus", "late ticks", "1 ms on this machine: "):
         assert part in done.stdout

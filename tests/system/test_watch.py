@@ -90,7 +90,7 @@ def test_what_cannot_be_watched_is_said(hilrig, start, experiment, tmp_path: Pat
     assert f"its program (process {program.pid}) was killed" in stale.stderr
     both = hilrig("run", experiment(), "--watch", "--in-process")
     assert both.returncode == 2
-    assert "there is no bus to watch" in both.stderr
+    assert "--watch needs the bus" in both.stderr
 
 
 def test_run_with_a_watcher_keeps_results_apart(hilrig, experiment, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The verb that makes a whole study again: reproduce."""
+"""reproduce: a whole study, from its experiments to its judged claims."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hilrig.cli.application import RUNS, Overrides, app, find_run
+from hilrig.cli.experiments import interruptible
 from hilrig.cli.results import tell_run
-from hilrig.cli.running import interruptible
 from hilrig.core.errors import ExperimentError
 
 if TYPE_CHECKING:
@@ -23,23 +23,24 @@ if TYPE_CHECKING:
 def reproduce(
     study: Annotated[Path, typer.Argument(metavar="STUDY", help="The study's YAML file.", show_default=False)],
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the result; default: what the study says.", show_default=False)
+        Path | None, typer.Option(help="Folder for the result. Default: the study's own.", show_default=False)
     ] = None,
-    runs: Annotated[Path, typer.Option(help="Where run directories are made.")] = RUNS,
-    jobs: Annotated[int, typer.Option(help="Trials at a time.")] = 1,
+    runs: Annotated[Path, typer.Option(help="Folder for the run directories.")] = RUNS,
+    jobs: Annotated[int, typer.Option(help="Number of trials to run at the same time.")] = 1,
     reuse: Annotated[
         list[Path] | None,
-        typer.Option("--from", metavar="RUN", help="Take this run instead of a new one. May be repeated."),
+        typer.Option("--from", metavar="RUN", help="Use this run instead of making a new one. May be repeated."),
     ] = None,
     override: Overrides = None,
 ) -> None:
-    """Run a study's experiments, draw its figures, judge its claims and its experiments' expectations.
+    """Run a whole study and judge its claims.
 
-    The result has no dates and no paths: the same study makes the same files. With --set, which changes every
-    experiment, it needs a folder of its own (--out).
+    Runs the study's experiments, draws its figures, and judges its claims and the expectations of its experiments. The
+    result has no dates and no paths: the same study gives the same files. --set changes every experiment, so the result
+    needs a folder of its own (--out).
 
-    Exit code: 0 all trials completed or ended as expected, and all expectations are met, whatever the claims came to;
-    1 a trial did not, or an expectation is not met; 2 the study or the call is wrong; 130 interrupted.
+    Exit code: 0 all trials completed or ended as expected, and all expectations were met, whatever became of the
+    claims; 1 a trial did not, or an expectation was not met; 2 the study or the command line is wrong; 130 interrupted.
     """
     from hilrig.study import load_study, make_reproduction
     from hilrig.study.pages import shown_path
@@ -47,9 +48,9 @@ def reproduce(
 
     overrides = override or []
     if jobs < 1:
-        raise ExperimentError(f"--jobs: {jobs} trials at a time; 1 is the least")
+        raise ExperimentError(f"--jobs {jobs}: the number of trials at a time must be at least 1")
     if overrides and out is None:
-        raise ExperimentError("--set: changes the study, so its result needs a folder of its own; give --out")
+        raise ExperimentError("--set changes the study, so the result needs a folder of its own; give --out")
     loaded = load_study(study, overrides)
     there = match(loaded, [find_run(run) for run in reuse or []], overrides)
     made = _run_all(loaded, there, runs, jobs, overrides)

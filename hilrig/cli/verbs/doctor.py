@@ -1,4 +1,4 @@
-"""The verb that takes this machine: doctor."""
+"""doctor: whether this machine can run the loop at 1 ms."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ WORDS = {"ready": "green", "usable with late ticks": "yellow", "not ready": "red
 
 @app.command()
 def doctor(
-    seconds: Annotated[float, typer.Option(min=0.1, max=3600, help="How long the probe takes.")] = 10.0,
+    seconds: Annotated[float, typer.Option(min=0.1, max=3600, help="How long to measure, in seconds.")] = 10.0,
     as_json: AsJson = False,
 ) -> None:
-    """Tell whether this machine can run the loop at 1 ms, and how to mend what is in the way.
+    """Check whether this machine can run the loop at 1 ms.
 
-    Reads what the machine says of itself, then measures the wake-up lateness and the bus round trip at 1 kHz, with the
-    default set-up of an experiment. Exit code: 0 the machine was examined, whatever was found.
+    Reads the machine's settings, then measures at 1 kHz how late a process wakes up and how long a message and its
+    answer take over the bus, with the default set-up of an experiment. Lists how to fix what is in the way. Exit code:
+    0 the machine was examined, whatever was found.
     """
     from hilrig.cli.doctor.findings import findings, from_probe
     from hilrig.cli.doctor.host import read_host
@@ -41,7 +42,7 @@ def doctor(
     # Before the probe, which is a load itself.
     host = read_host(try_things(settings.priority))
     if not as_json:
-        typer.echo(f"probing for {seconds:g} s ...", err=True)
+        typer.echo(f"measuring for {seconds:g} s ...", err=True)
     measured = probe(seconds, settings)
     verdict, found = judge(measured), [*findings(host), *from_probe(measured)]
     if as_json:
@@ -97,8 +98,8 @@ def _print_probe(console: Console, measured: Probe) -> None:
 
 
 def _print_remedies(console: Console, found: list[Finding]) -> None:
-    """Print what mends each finding, a line each, never folded: they are there to be copied."""
-    for verdict, title in (("fault", "To mend the faults:"), ("note", "What may help beside:")):
+    """Print how to fix each finding, one line each, never folded: users copy these lines."""
+    for verdict, title in (("fault", "To fix the faults:"), ("note", "What may help, too:")):
         items = [item for item in found if item.verdict == verdict and item.remedy]
         if items:
             console.print(f"\n{title}")

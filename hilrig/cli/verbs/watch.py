@@ -1,4 +1,4 @@
-"""The verb that shows a run while it goes on: watch."""
+"""watch: a run in progress."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ def watch(
         Path | None,
         typer.Argument(
             metavar="RUN",
-            help="A run directory, or its name below runs/; default: the newest that is going on.",
+            help="A run directory, or its name below runs/. Default: the newest run in progress.",
             show_default=False,
         ),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Where run directories are.")] = RUNS,
+    out: Annotated[Path, typer.Option(help="Folder of the run directories.")] = RUNS,
     keep_on: Annotated[bool, typer.Option("--keep-on", hidden=True)] = False,
 ) -> None:
-    """Show a run while it goes on: position, force, errors, late ticks, trial by trial.
+    """Watch a run in progress.
 
-    A process of its own at the lowest priority: it asks the trial's logger and cannot hold up the loop. Start it and
-    leave it (Ctrl-C) at any time. On a terminal it is a screen, elsewhere a line every two seconds.
+    Shows position, force, errors and late ticks, trial by trial. It runs at the lowest priority and asks only the
+    logger, so it cannot hold up the loop: start it and leave it (Ctrl-C) at any time. Without a terminal it prints a
+    line every two seconds.
     """
     if keep_on:
         signal.signal(signal.SIGINT, signal.SIG_IGN)

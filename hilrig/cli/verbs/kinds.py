@@ -1,4 +1,4 @@
-"""The verbs about what there is to write: kinds, schema."""
+"""kinds: what an experiment file can name, and with which parameters."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from hilrig.cli.application import app, print_json
+from hilrig.cli.application import app
 from hilrig.core.errors import ExperimentError, nearest
 
 GROUPS = ("controllers", "drivers", "robots", "references", "disturbances", "metrics")
@@ -18,12 +18,17 @@ GROUPS = ("controllers", "drivers", "robots", "references", "disturbances", "met
 
 @app.command()
 def kinds(
-    group: Annotated[str | None, typer.Argument(help=f"One of {', '.join(GROUPS)}.", show_default=False)] = None,
-    kind: Annotated[str | None, typer.Argument(help="A kind of the group, or ./file.py.", show_default=False)] = None,
+    group: Annotated[
+        str | None, typer.Argument(metavar="GROUP", help=f"One of {', '.join(GROUPS)}.", show_default=False)
+    ] = None,
+    kind: Annotated[
+        str | None, typer.Argument(metavar="KIND", help="A kind of the group, or ./file.py.", show_default=False)
+    ] = None,
 ) -> None:
-    """List the kinds there are, or show one of them.
+    """List controllers, drivers, metrics and so on, or describe one.
 
-    One kind is shown with its equation and its parameters: unit, default, bounds, scale, meaning.
+    A kind is what an experiment file names with 'kind:'. For GROUP and KIND, prints the kind's equation and its
+    parameters, with unit, default, bounds, scale and meaning.
     """
     from hilrig.kinds import registry as plugins
 
@@ -70,14 +75,3 @@ def _bound(value: float) -> str:
 
 def _first_line(module: ModuleType | None) -> str:
     return (inspect.getdoc(module) or "").split("\n")[0]
-
-
-@app.command()
-def schema() -> None:
-    """Print the JSON Schema of experiment files.
-
-    An editor that knows it completes and checks the file as you type.
-    """
-    from hilrig.experiment import experiment_schema
-
-    print_json(experiment_schema())

@@ -1,0 +1,29 @@
+"""compare: two runs, metric by metric."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hilrig.cli.application import RUN_HELP, AsJson, app, find_run, print_json
+
+FirstRun = Annotated[Path, typer.Argument(metavar="FIRST", help=RUN_HELP, show_default=False)]
+SecondRun = Annotated[Path, typer.Argument(metavar="SECOND", help="Likewise.", show_default=False)]
+
+
+@app.command()
+def compare(first: FirstRun, second: SecondRun, as_json: AsJson = False) -> None:
+    """Compare two runs, metric by metric.
+
+    Shows every metric that both runs have, and how it changed from the first to the second.
+    """
+    from hilrig.report import compare as compare_runs
+    from hilrig.report import render
+
+    table = compare_runs(find_run(first), find_run(second))
+    if as_json:
+        print_json({"notes": table.attrs.get("notes", []), "rows": table.to_dict("records")})
+    else:
+        typer.echo(render(table))
