@@ -35,8 +35,8 @@ def test_best_must_beat_every_other() -> None:
 
 
 def test_few_repeats_mark_nobody() -> None:
-    assert judged(a=[1.0], b=[9.0]) == (None, "a", "1 repeat")
-    assert judged(a=[1.0, 1.1], b=[9.0, 9.2]) == (None, "a", "2 repeats")
+    assert judged(a=[1.0], b=[9.0]) == (None, "a", "only 1 repeat")
+    assert judged(a=[1.0, 1.1], b=[9.0, 9.2]) == (None, "a", "only 2 repeats")
 
 
 def test_identical_repeats_are_named() -> None:
@@ -54,7 +54,7 @@ def test_only_rounding_is_no_difference(share: float, best: str | None) -> None:
 
 def test_only_common_repeats_are_paired() -> None:
     nan = np.nan
-    assert judged(a=[1.0, 1.0, 1.1], b=[nan, nan, 5.0]) == (None, "a", "1 repeat")
+    assert judged(a=[1.0, 1.0, 1.1], b=[nan, nan, 5.0]) == (None, "a", "only 1 repeat")
     assert judged(a=[1.0, nan, nan], b=[nan, 2.0, 2.1]) == (None, "a", "no common repeat")
     assert judged(a=[1.0, 1.1, 1.2], b=[nan, nan, nan]) == (None, None, "one controller")
 

@@ -65,8 +65,8 @@ def test_a_controller_that_measured_nothing_has_an_empty_place() -> None:
 
 def test_the_answer_is_that_of_the_whole_trial() -> None:
     assert answer(verdicts(METRICS), summarise(METRICS), NAMES) == [
-        "quiet: b has the lowest force RMSE z (0.25 N); a has the lowest position RMSE x (1.01 mm).",
-        "rough: no verdict on position RMSE x (within the spread).",
+        "Condition quiet: b has the lowest force RMSE z (0.25 N); a has the lowest position RMSE x (1.01 mm).",
+        "Condition rough: no verdict on position RMSE x (within the spread).",
         "Of the 6 rows of the tables, a is marked best in 1, b in 2, and none in 3.",
     ]
 

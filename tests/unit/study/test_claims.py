@@ -166,7 +166,7 @@ def test_differences_are_of_pairs() -> None:
 
 def test_the_numbers_in_words() -> None:
     found = evidence(metric_table({"a": [0.001] * 10, "b": [0.003] * 10}), less_than=LessThan("b"))
-    assert found.values == "1.00 mm against 3.00 mm"
+    assert found.values == "1.00 mm vs 3.00 mm"
     assert found.number == "−2.00 mm"
     assert found.measured == "position RMSE x, a (one, quiet, whole trial), minus that of b"
     found = evidence(metric_table({"a": NEAR}), below=1.5)
