@@ -95,7 +95,7 @@ def run(
     fail_fast: Annotated[
         bool,
         typer.Option(
-            "--fail-fast", help="TrialStart no further trial after one that did not complete, unless expected so."
+            "--fail-fast", help="Start no further trial after one that did not complete, unless that was expected."
         ),
     ] = False,
     watch: Annotated[bool, typer.Option("--watch", help="Show the trials as `hilrig watch` does.")] = False,

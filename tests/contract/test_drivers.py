@@ -31,7 +31,7 @@ def kind(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def start() -> Iterator[Begun]:
-    """TrialStart plants 5 mm deep in the surface, and close them after the test."""
+    """Begin plants 5 mm deep in the surface, and close them after the test."""
     begun: list[Plant] = []
 
     def begin(subject: Driver) -> Plant:
