@@ -66,7 +66,7 @@ def paired_difference(pairs: np.ndarray) -> Difference:
     if n > 1 and np.all(pairs == pairs[0]):
         return _exactly(float(differences[0]), f"{n} identical repeats")
     if n < LEAST_PAIRS:
-        return Difference(mean, -np.inf, np.inf, f"{n} repeat{'s' * (n > 1)}")
+        return Difference(mean, -np.inf, np.inf, f"only {n} repeat{'s' * (n > 1)}")
     if np.all(np.isinf(differences) & (differences == differences[0])):
         return _exactly(mean, f"paired, n = {n}")
     return Difference(mean, *interval(differences), f"paired, n = {n}")

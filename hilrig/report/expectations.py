@@ -116,7 +116,11 @@ def _ending(trial: TrialEntry, number: int) -> str:
     # The text of a failure names files on this machine; the reason of a trip contains its time.
     why = "see its log" if trial.ending == "failed" else reason(outcome) or trial.ending
     ticks = outcome.get("ticks", 0)
-    when = "" if " at t = " in why or not ticks else f" at t = {ticks * trial.document['period']:.6g} s"
+    when = (
+        ""
+        if " at t = " in why or not ticks or trial.ending == INVALID
+        else f" at t = {ticks * trial.document['period']:.6g} s"
+    )
     return f"{trial.condition}: repeat {trial.repeat}{first}, {why}{when}"
 
 

@@ -191,9 +191,10 @@ def name_curves(figure: Figure, named: Legend) -> None:
 
 def caption(drawn: Drawn, text: str, notes: list[str]) -> str:
     """Return the caption: which repeats are shown, from which source, and what was cut off."""
-    repeats = sorted({trial.repeat for trial, _ in drawn.trials.values()})
+    repeats = {name: trial.repeat for name, (trial, _) in drawn.trials.items()}
+    which = f"Repeat {next(iter(repeats.values()))} of each controller"
+    if len(set(repeats.values())) > 1:
+        which = "Repeat " + ", ".join(f"{repeat} of {name}" for name, repeat in repeats.items())
     sources = sorted({signals.source for _, signals in drawn.trials.values()})
-    shown = f"Repeat {', '.join(map(str, repeats))} of each controller; " + (
-        "true signals of the plant." if sources == ["truth"] else f"signals: {' and '.join(sources)}."
-    )
-    return " ".join([shown, text, *(f"{note}." for note in dict.fromkeys(notes))])
+    signals = "true signals of the plant" if sources == ["truth"] else f"signals: {' and '.join(sources)}"
+    return " ".join([f"{which}; {signals}.", text, *(f"{note}." for note in dict.fromkeys(notes))])

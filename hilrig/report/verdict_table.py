@@ -117,4 +117,4 @@ def _sentence(condition: str, verdicts: Mapping[Cell, Verdict], values: Mapping[
             factor, unit = shown_unit(row["unit"])
             parts.append(f"{verdict.best} has the lowest {name} ({factor * row['mean']:.3g} {unit})")
     parts += [f"no verdict on {', '.join(names)} ({basis})" for basis, names in unmarked.items()]
-    return f"{condition}: {'; '.join(parts)}."
+    return f"Condition {condition}: {'; '.join(parts)}."

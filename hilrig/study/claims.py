@@ -71,7 +71,7 @@ def judge(numbers: Array, claimed: Range) -> Judgement:
     identical = n > 1 and bool(np.all(numbers == numbers[0]))
     low, high = (float(numbers[0]),) * 2 if identical else interval(numbers)
     if n < LEAST_PAIRS:
-        return Judgement("cannot tell", mean, low, high, n, f"{n} of the {LEAST_PAIRS} repeats that are needed")
+        return Judgement("cannot tell", mean, low, high, n, f"only {n} of the {LEAST_PAIRS} repeats needed")
     return Judgement(_side(low, high, claimed), mean, low, high, n, "the same in every repeat" if identical else "")
 
 

@@ -54,7 +54,7 @@ class Evidence:
     def values(self) -> str:
         """The means, for display"""
         factor, unit = shown_unit(self.metric_unit)
-        return " against ".join(f"{number(factor * mean)} {unit}".strip() for mean in self.means)
+        return " vs ".join(f"{number(factor * mean)} {unit}".strip() for mean in self.means)
 
     @property
     def number(self) -> str:

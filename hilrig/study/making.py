@@ -149,9 +149,10 @@ def _picture(spec: FigureSpec, read: _Read, out: Path) -> Picture:
 
 def _caption(spec: FigureSpec, trials: Sequence[tuple[TrialEntry, TrialSignals]], notes: Sequence[str]) -> str:
     """Return the caption: which trials are shown, from which source, and what was cut off."""
-    repeats = ", ".join(map(str, sorted({trial.repeat for trial, _ in trials})))
+    numbers = sorted({trial.repeat for trial, _ in trials})
+    repeats = f"repeat{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}"
     sources = " and ".join(sorted({"true" if signals.source == "truth" else "measured" for _, signals in trials}))
-    of = f"Condition {spec.condition}, repeat {repeats}; "
+    of = f"Condition {spec.condition}, {repeats}; "
     what = "memory of the law." if spec.quantity.startswith("memory.") else f"{sources} signals of the plant."
     zoom = "The grey interval is enlarged below." if spec.zoom else ""
     return " ".join(text for text in (spec.caption, of + what, zoom, *(f"{note}." for note in notes)) if text)

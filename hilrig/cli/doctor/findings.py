@@ -1,4 +1,4 @@
-"""What a machine's set-up means for a loop at 1 ms, and the command that mends what is amiss. Pure.
+"""What a machine's set-up means for a loop at 1 ms, and the command that fixes each fault. Pure.
 
 Commands are those of Debian and Ubuntu.
 """
@@ -13,15 +13,15 @@ from hilrig.cli.doctor.verdict import Probe
 
 LIMITS = "/etc/security/limits.d/99-hilrig.conf"
 SHALLOW = 20e-6
-"""s: an idle state that is left faster does not show beside the scheduler's own lateness"""
+"""s; an idle state with a shorter exit latency does not show beside the scheduler's own lateness"""
 BUSY = 0.3
-"""Mean number of running processes from which on a probe is not of an idle machine"""
+"""Mean number of running processes above which the machine was not idle during the probe"""
 FEW = 4
-"""Cores below which none is to spare for the loop alone"""
+"""With fewer cores, none can be reserved for the loop"""
 STOLEN = 0.002
 """Fraction of the cores' time: 2 ms of each second"""
 SLOW_CLOCKS = ("hpet", "acpi_pm", "jiffies", "refined-jiffies")
-"""Clock sources whose reading is a system call, and takes a microsecond or more"""
+"""Clock sources that are read by a system call, which takes a microsecond or more"""
 
 
 class Finding(NamedTuple):
@@ -30,21 +30,21 @@ class Finding(NamedTuple):
     name: str
     value: str
     verdict: Literal["ok", "note", "fault"]
-    """"note": good to know, nothing that this machine can mend, or that must be mended"""
+    """"note": good to know, but it cannot or need not be fixed"""
     remedy: str = ""
-    """One command that mends it, or what to do in words; empty if there is nothing to do"""
+    """A command that fixes it, or what to do in words; empty if there is nothing to do"""
 
 
 def findings(host: Host) -> list[Finding]:
-    """Return what is known of the machine, in the order in which it matters."""
+    """Return the findings about the machine, the most important first."""
     return [*_kernel(host), *_permissions(host), *_power(host), *_cores(host), *_machine(host), *_software(host)]
 
 
 def from_probe(probe: Probe) -> list[Finding]:
-    """Return what showed of the machine only while the probe ran."""
+    """Return the findings that only a probe can make."""
     if probe.steal > STOLEN:
-        remedy = "give the virtual machine cores of its own on its host, or use the machine itself"
-        return [Finding("stolen time", f"{probe.steal:.1%}: the hypervisor gave it to others", "fault", remedy)]
+        remedy = "give the virtual machine its own cores on the host, or run on the host itself"
+        return [Finding("stolen time", f"{probe.steal:.1%} went to other virtual machines", "fault", remedy)]
     return [Finding("stolen time", f"{probe.steal:.1%}", "ok")]
 
 
@@ -67,7 +67,7 @@ def _preemption(host: Host) -> Finding:
     if now == "unknown":
         return Finding("preemption", "unknown: the kernel does not say", "note")
     if host.preemption_selectable:
-        lasting = "for good: preempt=full on the kernel's command line"
+        lasting = "permanently: preempt=full on the kernel command line"
         command = f"echo full | sudo tee /sys/kernel/debug/sched/preempt  # {lasting}"
         return Finding("preemption", now, "fault", command)
     return Finding("preemption", f"{now}, fixed when the kernel was built", "note")
@@ -92,11 +92,11 @@ def _permissions(host: Host) -> Iterator[Finding]:
 def _throttling(host: Host) -> Finding:
     command = "sudo sysctl kernel.sched_rt_runtime_us=950000"
     if host.rt_runtime is None:
-        value = "no limit: a law that hangs under SCHED_FIFO takes its core with it"
+        value = "no limit: a law that hangs under SCHED_FIFO blocks its core"
         return Finding("SCHED_FIFO share", value, "note", command)
     share = f"{host.rt_runtime:.0%} of a core"
     if host.rt_runtime < 0.9:
-        return Finding("SCHED_FIFO share", f"{share}: the loop is stopped when it takes more", "fault", command)
+        return Finding("SCHED_FIFO share", f"{share}: the loop is throttled when it takes more", "fault", command)
     return Finding("SCHED_FIFO share", share, "ok")
 
 
@@ -109,7 +109,7 @@ def _memory(host: Host) -> Finding:
         return Finding("locked memory", "no limit", "ok")
     limit = f"limit {host.memory_lock_limit >> 10} KiB"
     if host.may_lock_memory:
-        return Finding("locked memory", f"{limit}, which does not hold for this user (CAP_IPC_LOCK)", "ok")
+        return Finding("locked memory", f"{limit}, which does not apply to this user (CAP_IPC_LOCK)", "ok")
     command = f'echo "$USER - memlock unlimited" | sudo tee -a {LIMITS}  # then log in again'
     in_container = "docker run --ulimit memlock=-1 ..."
     return Finding("locked memory", limit, "fault", in_container if host.tried.container else command)
@@ -118,7 +118,7 @@ def _memory(host: Host) -> Finding:
 def _power(host: Host) -> Iterator[Finding]:
     governors = ", ".join(host.governors)
     if not host.governors:
-        yield Finding("governor", "none: the frequency is not in this system's hands", "ok")
+        yield Finding("governor", "none: this system does not control the frequency", "ok")
     elif host.governors == ("performance",):
         yield Finding("governor", governors, "ok")
     else:
@@ -130,11 +130,11 @@ def _power(host: Host) -> Iterator[Finding]:
 
 def _idle(host: Host) -> Finding:
     if not host.idle_states:
-        return Finding("idle states", "none that this system chooses", "ok")
+        return Finding("idle states", "this system does not control them", "ok")
     deepest = host.idle_states[-1]
-    value = f"{deepest.name}, left in {deepest.latency * 1e6:.0f} us"
+    value = f"{deepest.name}, exit latency {deepest.latency * 1e6:.0f} us"
     if host.dma_latency == "writable":
-        return Finding("idle states", f"{value}; what takes above 2 us is held off in a trial", "ok")
+        return Finding("idle states", f"{value}; a trial allows at most 2 us", "ok")
     if deepest.latency <= SHALLOW:
         return Finding("idle states", value, "ok")
     value = f"{value}; /dev/cpu_dma_latency is {host.dma_latency}"
@@ -148,11 +148,13 @@ def _idle(host: Host) -> Finding:
 def _cores(host: Host) -> Iterator[Finding]:
     value = f"{host.cores}" if host.usable_cores == host.cores else f"{host.cores}, of which {host.usable_cores} usable"
     if host.usable_cores < 2:
-        yield Finding("cores", f"{value}: the logger and all else share the loop's", "fault", "give it a second core")
+        yield Finding(
+            "cores", f"{value}: the logger and everything else share the loop's core", "fault", "add a second core"
+        )
     else:
         yield Finding("cores", value, "ok")
     if host.threads_per_core > 1:
-        value = f"{host.threads_per_core} to a core: what runs on the other slows the loop"
+        value = f"{host.threads_per_core} per core: whatever runs on the other one slows the loop"
         yield Finding("threads", value, "note", "echo off | sudo tee /sys/devices/system/cpu/smt/control")
     yield _isolation(host)
 
@@ -162,7 +164,7 @@ def _isolation(host: Host) -> Finding:
         ticks = "no timer tick" if set(host.isolated) <= set(host.tickless) else "with timer tick"
         return Finding("isolated cores", f"{', '.join(map(str, host.isolated))}, {ticks}", "ok")
     if host.cores < FEW:
-        return Finding("isolated cores", f"none, and none to spare of {host.cores}", "note")
+        return Finding("isolated cores", f"none; {host.cores} cores are too few to reserve one", "note")
     last = host.cores - 1
     parameters = f"isolcpus={last} nohz_full={last} rcu_nocbs={last}"
     remedy = f"add '{parameters}' to GRUB_CMDLINE_LINUX in /etc/default/grub; sudo update-grub; reboot"
@@ -180,16 +182,16 @@ def _machine(host: Host) -> Iterator[Finding]:
     else:
         yield Finding("clock source", source, "ok")
     if host.hypervisor or host.tried.virtual_machine:
-        kind = host.tried.virtual_machine or "of unknown kind"
-        yield Finding("virtual machine", f"yes, {kind}: its host may stop it at any time", "note")
+        kind = host.tried.virtual_machine or "of an unknown kind"
+        yield Finding("virtual machine", f"yes, {kind}: its host may pause it at any time", "note")
     else:
         yield Finding("virtual machine", "no", "ok")
     if host.tried.container:
         yield Finding(
-            "container", f"{host.tried.container}: kernel and devices are those of its host, to be mended there", "note"
+            "container", f"{host.tried.container}: kernel and devices belong to its host; change them there", "note"
         )
     if host.load > BUSY:
-        yield Finding("load", f"{host.load:.2f}: other processes were busy in the last minute", "note")
+        yield Finding("load", f"{host.load:.2f}: other processes were running in the last minute", "note")
     else:
         yield Finding("load", f"{host.load:.2f}", "ok")
 

@@ -1,4 +1,4 @@
-"""What a machine says of itself that matters to a real-time loop. Reads it; judges nothing."""
+"""Reads what a machine says about itself that matters to a real-time loop. It does not judge."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class IdleState(NamedTuple):
 
     name: str
     latency: float
-    """s that it takes to leave it"""
+    """Exit latency, s"""
 
 
 class Tried(NamedTuple):
-    """What no file tells, and was tried or asked."""
+    """What is not in any file, and was tried or asked."""
 
     fifo: str
     """Why SCHED_FIFO was refused; empty if it was not"""
@@ -38,7 +38,7 @@ class Tried(NamedTuple):
 
 @dataclass(frozen=True)
 class Host:
-    """A machine as a real-time loop sees it; what the machine does not tell is empty or None."""
+    """A machine as a real-time loop sees it; what is unknown is empty or None."""
 
     system: str
     """Distribution, such as "debian" or "ubuntu\""""
@@ -84,7 +84,7 @@ class Host:
 
 
 def read_host(tried: Tried, root: Path = Path("/")) -> Host:
-    """Return what the files below `root` tell of the machine."""
+    """Return what the files below `root` say about the machine."""
     files = _Files(root)
     version, command = files.text("proc/sys/kernel/version"), files.text("proc/cmdline")
     limits, cpu = files.text("proc/self/limits"), files.text("proc/cpuinfo")

@@ -39,7 +39,7 @@ def probe(seconds: float, settings: RigSettings) -> Probe:
             orders = json.dumps({**common, "role": role, "cores": cores[role]})
             name, module = f"the probe's {role} process", "hilrig.cli.doctor.probe_process"
             children[role] = ChildProcess.start(name, module, orders, log)
-        _wait_for(children, logs, seconds + START_UP_TIMEOUT_S)
+        wait_for(children, logs, seconds + START_UP_TIMEOUT_S)
         after = _processor_time()
         setup = {role: json.loads((Path(sockets) / f"{role}.json").read_text()) for role in children}
         due, woke, published, received = np.load(Path(sockets) / "stamps.npy")
@@ -50,7 +50,7 @@ def probe(seconds: float, settings: RigSettings) -> Probe:
     return summarise(Stamps(PERIOD_NS, due, woke, published, received), stolen / max(total, 1), setup)
 
 
-def _wait_for(children: Mapping[str, ChildProcess], logs: Mapping[str, Path], timeout_s: float) -> None:
+def wait_for(children: Mapping[str, ChildProcess], logs: Mapping[str, Path], timeout_s: float) -> None:
     """Wait until all have ended well. Raises RigError for the first that failed, or that still runs at the end."""
 
     def one_failed() -> bool:

@@ -1,4 +1,4 @@
-"""What is found out of a machine only by trying it, or by asking others."""
+"""What can only be found out about a machine by trying, or by asking other programs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _TRY_FIFO = (
 
 
 def try_things(priority: int) -> Tried:
-    """Try SCHED_FIFO at `priority` in a process of its own, and ask for virtual machine, zenoh and ROS."""
+    """Try SCHED_FIFO at `priority` in a process of its own; look for a virtual machine, zenoh and ROS."""
     return Tried(
         fifo=_refusal(_printed([sys.executable, "-P", "-c", _TRY_FIFO, str(priority)])),
         virtual_machine=_kind("--vm"),
@@ -29,7 +29,7 @@ def try_things(priority: int) -> Tried:
 
 
 def _printed(command: list[str]) -> str:
-    """Return what a command prints; empty if it is not there."""
+    """Return what a command prints; empty if it does not exist, or takes too long."""
     try:
         return subprocess.run(command, capture_output=True, text=True, timeout=30, check=False).stdout.strip()
     except (OSError, subprocess.TimeoutExpired):
@@ -37,9 +37,9 @@ def _printed(command: list[str]) -> str:
 
 
 def _refusal(said: str) -> str:
-    """Return why SCHED_FIFO was refused, from "what it has now|why not what was wanted"."""
+    """Return why SCHED_FIFO was refused, from "policy now|reason"; empty if it was not."""
     now, bar, reason = said.partition("|")
-    return reason if bar else f"the trial of it failed {now}".rstrip()
+    return reason if bar else f"it could not be tried {now}".rstrip()
 
 
 def _kind(option: str) -> str:
@@ -48,9 +48,9 @@ def _kind(option: str) -> str:
 
 
 def _ros() -> tuple[str, ...]:
-    """Return the distributions of ROS that are installed, and which client library Python finds here.
+    """Return the installed distributions of ROS, and the client libraries that this Python finds.
 
-    A distribution of its own is a folder in /opt/ros; Debian packages ROS 1 without one.
+    A distribution is a folder in /opt/ros; Debian's own packages of ROS 1 have none.
     """
     found = [path.name for path in sorted(Path("/opt/ros").glob("*")) if path.is_dir()]
     sourced = os.environ.get("ROS_DISTRO", "")

@@ -1,4 +1,4 @@
-"""Whether a machine is fit for a loop of one period: the rule, and the figures that it goes by. Pure."""
+"""Whether a machine is fit for a loop with a given period: the rule and the numbers that it uses. Pure."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ READY_LATE, USABLE_LATE = 0.001, TimingBudget.late_fraction
 
 @dataclass(frozen=True)
 class Stamps:
-    """What a probe of N ticks noted, CLOCK_MONOTONIC in ns, arrays (N,)."""
+    """The time stamps of a probe of N ticks, CLOCK_MONOTONIC in ns, arrays (N,)."""
 
     period: int
     """ns"""
@@ -27,17 +27,17 @@ class Stamps:
     woke: NDArray[np.int64]
     published: NDArray[np.int64]
     received: NDArray[np.int64]
-    """When the answer came in; 0 if it did not"""
+    """When the answer arrived; 0 if it did not"""
 
 
 class Probe(NamedTuple):
-    """What a probe found."""
+    """The result of a probe."""
 
     ticks: int
     period: float
     """s"""
     late: int
-    """Ticks whose answer was not there at the next one, or that began a period or more after they were due"""
+    """Ticks whose answer had not arrived at the next one, or that began a period or more after they were due"""
     lateness_us: dict[str, float]
     """Percentiles of woke - due"""
     round_trip_us: dict[str, float]
@@ -46,7 +46,7 @@ class Probe(NamedTuple):
     steal: float
     """Fraction of the cores' time that the hypervisor took; 0 without one"""
     setup: dict[str, Report]
-    """What came of the real-time settings: process -> report"""
+    """Which real-time settings were applied: process -> report"""
 
 
 class Verdict(NamedTuple):
@@ -54,11 +54,11 @@ class Verdict(NamedTuple):
 
     word: Literal["ready", "usable with late ticks", "not ready"]
     because: tuple[str, ...]
-    """What kept it from a better one; empty if it is ready"""
+    """What prevents a better verdict; empty if the machine is ready"""
 
 
 def summarise(stamps: Stamps, steal: float, setup: dict[str, Report]) -> Probe:
-    """Return what the stamps of a probe amount to."""
+    """Return the result of a probe from its stamps."""
     lateness = stamps.woke - stamps.due
     answered = stamps.received > 0
     trips = (stamps.received - stamps.published)[answered]
@@ -77,15 +77,14 @@ def judge(probe: Probe) -> Verdict:
     """Return the verdict for the probe's period l.
 
     **ready**: at most 0.1 % of the ticks late, p99 of lateness at most l/10, p99 of the round trip at most l/2, and
-    SCHED_FIFO applied: without it any other process may make the loop late, however quiet the machine was just now.
-    **usable with late ticks**: at most 0.5 % late, which is the budget of an experiment by default, p99 of lateness at
-    most l/4 and of the round trip at most l. **not ready**: worse. The answers came without a control law; what it
-    computes comes on top.
+    SCHED_FIFO applied, because without it any other process may make the loop late, however quiet the machine is now.
+    **usable with late ticks**: at most 0.5 % late (an experiment's default budget), p99 of lateness at most l/4 and of
+    the round trip at most l. **not ready**: worse. The probe has no control law; the time that a law takes is added.
     """
     short_of_ready = _beyond(probe, READY_LATE, 10, 2)
     refused = [report["scheduler"]["reason"] for report in probe.setup.values() if report["scheduler"]["reason"]]
     if refused:
-        short_of_ready.append("SCHED_FIFO was refused: any other process may come first")
+        short_of_ready.append("SCHED_FIFO was refused: any other process may run before the loop")
     if not short_of_ready:
         return Verdict("ready", ())
     short_of_usable = _beyond(probe, USABLE_LATE, 4, 1)

@@ -25,11 +25,18 @@ def doctor(
     seconds: Annotated[float, typer.Option(min=0.1, max=3600, help="How long to measure, in seconds.")] = 10.0,
     as_json: AsJson = False,
 ) -> None:
+<<<<<<< HEAD:hilrig/cli/verbs/doctor.py
     """Check whether this machine can run the loop at 1 ms.
 
     Reads the machine's settings, then measures at 1 kHz how late a process wakes up and how long a message and its
     answer take over the bus, with the default set-up of an experiment. Lists how to fix what is in the way. Exit code:
     0 the machine was examined, whatever was found.
+=======
+    """Check whether this machine can run the loop at 1 ms, and how to fix what prevents it.
+
+    Reads the machine's configuration, then measures the wake-up lateness and the round trip on the bus at 1 kHz, with
+    the default set-up of an experiment. Exit code: 0 once the machine has been examined, whatever was found.
+>>>>>>> rigroom:hilrig/cli/doctoring.py
     """
     from hilrig.cli.doctor.findings import findings, from_probe
     from hilrig.cli.doctor.host import read_host
@@ -39,7 +46,7 @@ def doctor(
     from hilrig.experiment.rig_settings import RigSettings
 
     settings = RigSettings()
-    # Before the probe, which is a load itself.
+    # Before the probe, which loads the machine itself.
     host = read_host(try_things(settings.priority))
     if not as_json:
         typer.echo(f"measuring for {seconds:g} s ...", err=True)
@@ -61,7 +68,7 @@ def doctor(
 def _show(found: list[Finding], measured: Probe, verdict: Verdict) -> None:
     from rich.console import Console
 
-    # A pipe has no width: nothing must be folded there.
+    # A pipe has no width, so nothing may be folded there.
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 200)
     _print_findings(console, found)
     _print_probe(console, measured)
@@ -86,7 +93,7 @@ def _print_probe(console: Console, measured: Probe) -> None:
 
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column(f"probe of {measured.ticks} ticks, us")
-    rows = {"lateness of waking up": measured.lateness_us, "round trip over the bus": measured.round_trip_us}
+    rows = {"wake-up lateness": measured.lateness_us, "round trip over the bus": measured.round_trip_us}
     names = list(measured.lateness_us)
     for name in names:
         table.add_column(name, justify="right")
@@ -98,8 +105,13 @@ def _print_probe(console: Console, measured: Probe) -> None:
 
 
 def _print_remedies(console: Console, found: list[Finding]) -> None:
+<<<<<<< HEAD:hilrig/cli/verbs/doctor.py
     """Print how to fix each finding, one line each, never folded: users copy these lines."""
     for verdict, title in (("fault", "To fix the faults:"), ("note", "What may help, too:")):
+=======
+    """Print the remedy of each finding on one line, never folded, so that it can be copied."""
+    for verdict, title in (("fault", "To fix the faults:"), ("note", "What may also help:")):
+>>>>>>> rigroom:hilrig/cli/doctoring.py
         items = [item for item in found if item.verdict == verdict and item.remedy]
         if items:
             console.print(f"\n{title}")

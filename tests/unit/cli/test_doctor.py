@@ -1,9 +1,11 @@
-"""What doctor reads of a machine, what it finds, and how it judges; each against a machine made for it."""
+"""What doctor reads about a machine, what it finds, and how it judges, each with a machine made for the test."""
 
 from __future__ import annotations
 
 import gzip
 import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +17,10 @@ from hypothesis import strategies as st
 
 from hilrig.cli.doctor.findings import Finding, findings, from_probe
 from hilrig.cli.doctor.host import Host, IdleState, Tried, read_host
+from hilrig.cli.doctor.probe import wait_for
 from hilrig.cli.doctor.verdict import Probe, Stamps, judge, summarise
+from hilrig.core.errors import RigError
+from hilrig.rig.processes import ChildProcess, kill_all
 
 TRIED = Tried(fifo="", virtual_machine="", container="", zenoh="1.10.2", ros=())
 SETUP = {"driver": {"scheduler": {"wanted": "fifo 50", "applied": "fifo 50", "reason": ""}}}
@@ -124,7 +129,7 @@ GOOD = Host(
 )  # fmt: skip
 
 
-def test_a_machine_made_for_it_has_nothing_to_mend() -> None:
+def test_a_good_machine_has_nothing_to_fix() -> None:
     found = findings(GOOD)
     assert [item for item in found if item.verdict != "ok" or item.remedy] == []
     assert len({item.name for item in found}) == len(found)
@@ -159,9 +164,7 @@ WRONG: list[tuple[dict[str, Any], str, str, str]] = [
 
 
 @pytest.mark.parametrize(("changes", "name", "verdict", "remedy"), WRONG)
-def test_what_is_wrong_is_found_with_what_mends_it(
-    changes: dict[str, Any], name: str, verdict: str, remedy: str
-) -> None:
+def test_each_fault_is_found_with_its_remedy(changes: dict[str, Any], name: str, verdict: str, remedy: str) -> None:
     (item,) = [item for item in findings(replace(GOOD, **changes)) if item.name == name]
     assert item.verdict == verdict
     assert remedy in item.remedy
@@ -178,7 +181,7 @@ def test_what_is_wrong_is_found_with_what_mends_it(
         {"clock_source": "kvm-clock"},
     ],
 )
-def test_what_does_no_harm_is_no_fault(changes: dict[str, Any]) -> None:
+def test_what_is_harmless_is_no_fault(changes: dict[str, Any]) -> None:
     assert {item.verdict for item in findings(replace(GOOD, **changes))} == {"ok"}
 
 
@@ -207,7 +210,7 @@ JUDGED: list[tuple[dict[str, Any], str, str]] = [
 
 
 @pytest.mark.parametrize(("changes", "word", "reason"), JUDGED)
-def test_the_verdict_goes_by_its_rule(changes: dict[str, Any], word: str, reason: str) -> None:
+def test_the_verdict_follows_its_rule(changes: dict[str, Any], word: str, reason: str) -> None:
     verdict = judge(probe(**changes))
     assert verdict.word == word
     assert reason in "\n".join(verdict.because)
@@ -216,7 +219,7 @@ def test_the_verdict_goes_by_its_rule(changes: dict[str, Any], word: str, reason
 
 def test_stolen_time_is_a_fault() -> None:
     assert [item.verdict for item in from_probe(probe(steal=0.001))] == ["ok"]
-    assert from_probe(probe(steal=0.05))[0][1:3] == ("5.0%: the hypervisor gave it to others", "fault")
+    assert from_probe(probe(steal=0.05))[0][1:3] == ("5.0% went to other virtual machines", "fault")
 
 
 def stamps(lateness: list[int], trips: list[int | None]) -> Stamps:
@@ -252,10 +255,43 @@ def test_late_ticks_are_those_that_a_loop_of_one_tick_of_delay_would_hold(ticks:
     assert (found.late, found.unanswered) == (held, trips.count(None))
 
 
-def test_a_finding_reads_as_a_sentence_would() -> None:
-    """Each value begins in small letters or with a figure, and ends without a full stop; a table shows them."""
+def test_findings_begin_in_lower_case_and_have_no_full_stop() -> None:
+    """They are shown in a table."""
     for changes, *_ in WRONG:
         for item in findings(replace(GOOD, **changes)):
             assert isinstance(item, Finding)
             assert item.value
             assert not item.value.endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("driver", "controller", "message"),
+    [
+        (
+            "import time; time.sleep(1000)",
+            "raise SystemExit('no bus')",
+            "controller process ended with exit code 1: no bus",
+        ),
+        ("pass", "import time; time.sleep(1000)", "controller process did not end within 1 s"),
+        ("import os; os.kill(os.getpid(), 9)", "pass", "driver process was killed by SIGKILL"),
+        ("pass", "pass", None),
+    ],
+)
+def test_a_probe_names_the_process_that_failed(
+    tmp_path: Path, driver: str, controller: str, message: str | None
+) -> None:
+    children, logs = {}, {}
+    for role, code in (("driver", driver), ("controller", controller)):
+        logs[role] = tmp_path / f"{role}.log"
+        with logs[role].open("wb") as log:
+            process = subprocess.Popen([sys.executable, "-S", "-c", code], stdout=log, stderr=log)
+        children[role] = ChildProcess(f"the probe's {role} process", process)
+    try:
+        if message is None:
+            wait_for(children, logs, 60.0)
+            assert [child.exit_code for child in children.values()] == [0, 0]
+        else:
+            with pytest.raises(RigError, match=f"^the probe's {message}$"):
+                wait_for(children, logs, 1.0 if "did not end" in message else 60.0)
+    finally:
+        kill_all(children.values())

@@ -9,7 +9,7 @@ import pytest
 from hilrig.core.errors import ExperimentError
 from hilrig.experiment import Experiment, experiment_schema, load
 from hilrig.experiment.plan import plan
-from hilrig.experiment.plan.margins import margins
+from hilrig.experiment.plan.assessing import assess
 from hilrig.experiment.plan.warnings import warnings
 from hilrig.experiment.schema import describe
 from hilrig.kinds import registry as plugins
@@ -151,7 +151,7 @@ def test_a_table_in_another_encoding_is_refused(path: Path, content: bytes, word
 
 def test_a_curve_that_outlasts_its_phase_is_warned_of_in_its_place(path: Path) -> None:
     experiment = load(with_table(path, b"time,x\n0,0\n1,0.1\n2000,0\n"))
-    found = warnings(experiment, margins(plan(experiment)))
+    found = warnings(experiment, assess(experiment, plan(experiment)))
     ((place, message),) = [problem for problem in found if "points" in problem.message]
     assert place is not None
     assert (place.file, place.line) == (str(path), 18)

@@ -169,8 +169,8 @@ def test_identical_repeats_are_their_difference() -> None:
 @pytest.mark.parametrize(
     ("a", "b", "words"),
     [
-        ([1.0], [9.0], "1 repeat, too few to judge a difference (3 are needed)"),
-        ([1.0, 1.1], [9.0, 9.2], "2 repeats, too few to judge a difference (3 are needed)"),
+        ([1.0], [9.0], "only 1 repeat, too few to judge a difference (3 are needed)"),
+        ([1.0, 1.1], [9.0, 9.2], "only 2 repeats, too few to judge a difference (3 are needed)"),
         ([1.0], [math.nan], "undefined in a repeat"),
         ([math.inf, 1.0, 1.1], [math.inf, 2.0, 2.1], "undefined in a repeat"),
         ([math.inf] * 3, [math.inf] * 3, "undefined in a repeat"),

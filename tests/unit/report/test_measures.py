@@ -63,7 +63,7 @@ def aligned(*without: str) -> TrialSignals:
     return signals
 
 
-def test_channels_are_brought_onto_their_common_ticks() -> None:
+def test_channels_are_aligned_on_their_common_ticks() -> None:
     signals = aligned("state")
     assert signals.source == "truth"
     expected: dict[str, Any] = {
@@ -94,7 +94,7 @@ def test_acceleration_is_the_slope_over_time_across_a_gap() -> None:
     np.testing.assert_allclose(aligned().record.acceleration[1:-1], np.stack([2 * time, -6 * time], axis=1), rtol=1e-9)
 
 
-def test_without_truth_it_is_what_was_measured() -> None:
+def test_without_truth_the_measurement_is_used() -> None:
     signals = aligned("truth", "driver_timing")
     assert signals.source == "measurement"
     np.testing.assert_allclose(signals.record.position, column(COMMON, 10.1, 10.2))
@@ -104,7 +104,7 @@ def test_without_truth_it_is_what_was_measured() -> None:
     assert not signals.record.late.any()
 
 
-def test_a_bag_with_too_little_says_nothing() -> None:
+def test_a_bag_with_too_little_gives_no_signals() -> None:
     document = trial_document("a", "quiet", 0, PHASES)
     bag = channels()
     assert align({}, document) is None

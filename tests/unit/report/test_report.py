@@ -35,7 +35,7 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, dict]
     return folder, *report(run, folder)
 
 
-def test_the_page_needs_no_other_file(reported: tuple[Path, str, dict]) -> None:
+def test_the_page_is_self_contained(reported: tuple[Path, str, dict]) -> None:
     _, page, _ = reported
     found = re.findall(r"""(?:src|href|url)\s*[=(]\s*["']?([^"')\s>]+)""", page)
     assert found
@@ -44,7 +44,7 @@ def test_the_page_needs_no_other_file(reported: tuple[Path, str, dict]) -> None:
     assert "@import" not in page
 
 
-def test_the_page_says_what_it_must(reported: tuple[Path, str, dict]) -> None:
+def test_the_page_has_the_question_and_the_provenance(reported: tuple[Path, str, dict]) -> None:
     _, page, _ = reported
     for words in (
         "Which controller keeps 3.5 N?", "abc123", "uncommitted changes", "hilrig run experiments/x.yaml", "repeats=3",
@@ -94,7 +94,7 @@ def test_a_failed_trial_is_listed_and_left_out(reported: tuple[Path, str, dict])
 @pytest.mark.parametrize(
     ("phase", "ticks"), [("before", slice(0, 500)), ("after", slice(500, 1000)), ("all", slice(None))]
 )
-def test_metrics_are_those_of_the_signals(reported: tuple[Path, str, dict], phase: str, ticks: slice) -> None:
+def test_metrics_agree_with_the_signals(reported: tuple[Path, str, dict], phase: str, ticks: slice) -> None:
     """e_aux = M_d (x'' - x_d'') + B_d (x' - x_d') + K_d (x - x_d) along x, where no force acts; F_e - F_d along z."""
     folder, _, _ = reported
     s = signals(1000, SIZES["large"], 0)
@@ -113,7 +113,7 @@ def test_metrics_are_those_of_the_signals(reported: tuple[Path, str, dict], phas
         assert found["large.quiet.0", phase, *cell] == pytest.approx(rmse, rel=1e-9), cell
 
 
-def test_the_settling_time_is_that_of_the_phase(reported: tuple[Path, str, dict]) -> None:
+def test_the_settling_time_is_measured_in_each_phase(reported: tuple[Path, str, dict]) -> None:
     """The band is 5 mm. 10 mm |cos 3t| enters it at t = 0.3491 s, 30 mm |cos 3t| at 0.4678 s; both leave it again."""
     folder, _, _ = reported
     table = pd.read_csv(folder / "run" / "metrics.csv").set_index(["metric", "repeat", "controller", "phase"])
@@ -124,7 +124,7 @@ def test_the_settling_time_is_that_of_the_phase(reported: tuple[Path, str, dict]
     assert len(found) == 4, "none of the whole trial"
 
 
-def test_every_figure_is_there_twice(reported: tuple[Path, str, dict]) -> None:
+def test_every_figure_is_saved_as_svg_and_png(reported: tuple[Path, str, dict]) -> None:
     folder, _, _ = reported
     files = {path.name for path in (folder / "out" / "figures").iterdir()}
     stems = (
@@ -150,7 +150,7 @@ def test_all_trials_failed(tmp_path: Path) -> None:
     assert summary["verdicts"] == []
 
 
-def test_a_damaged_trial_is_left_out_and_the_runs_own_metrics_stay(tmp_path: Path) -> None:
+def test_a_damaged_trial_is_left_out_and_the_metrics_in_the_run_stay(tmp_path: Path) -> None:
     run = make_run(tmp_path / "run", {"small": 1.0}, repeats=2, seconds=0.05)
     bag = run / "trials" / "small.quiet.1" / "bag.mcap"
     bag.write_bytes(bag.read_bytes()[:-1])
@@ -179,7 +179,7 @@ def test_a_number_has_three_digits(value: float | None, text: str) -> None:
     assert number(value) == text
 
 
-def test_a_trial_that_trips_as_expected_is_told_so_and_left_out(tmp_path: Path) -> None:
+def test_a_trial_that_trips_as_expected_is_marked_so_and_left_out(tmp_path: Path) -> None:
     expect = ({"controller": "large", "outcome": "tripped"},)
     run = make_run(tmp_path / "run", SIZES, repeats=1, failed=("large.quiet.0",), expect=expect)
     page, summary = report(run, tmp_path)

@@ -34,9 +34,9 @@ def test_best_must_beat_every_other() -> None:
     assert judged(a=[1.0, 1.1, 1.0], b=[5.0, 5.1, 5.2], c=[1.3, 0.9, 1.1])[0] is None
 
 
-def test_few_repeats_mark_nobody() -> None:
-    assert judged(a=[1.0], b=[9.0]) == (None, "a", "1 repeat")
-    assert judged(a=[1.0, 1.1], b=[9.0, 9.2]) == (None, "a", "2 repeats")
+def test_too_few_repeats_mark_no_controller() -> None:
+    assert judged(a=[1.0], b=[9.0]) == (None, "a", "only 1 repeat")
+    assert judged(a=[1.0, 1.1], b=[9.0, 9.2]) == (None, "a", "only 2 repeats")
 
 
 def test_identical_repeats_are_named() -> None:
@@ -48,13 +48,13 @@ def test_equal_values_are_a_tie() -> None:
 
 
 @pytest.mark.parametrize(("share", "best"), [(1e-12, None), (1e-3, "a")])
-def test_only_rounding_is_no_difference(share: float, best: str | None) -> None:
+def test_a_difference_within_rounding_is_none(share: float, best: str | None) -> None:
     assert judged(a=[1.0, 1.1, 1.2], b=[value * (1 + share) for value in (1.0, 1.1, 1.2)])[0] == best
 
 
 def test_only_common_repeats_are_paired() -> None:
     nan = np.nan
-    assert judged(a=[1.0, 1.0, 1.1], b=[nan, nan, 5.0]) == (None, "a", "1 repeat")
+    assert judged(a=[1.0, 1.0, 1.1], b=[nan, nan, 5.0]) == (None, "a", "only 1 repeat")
     assert judged(a=[1.0, nan, nan], b=[nan, 2.0, 2.1]) == (None, "a", "no common repeat")
     assert judged(a=[1.0, 1.1, 1.2], b=[nan, nan, nan]) == (None, None, "one controller")
 
@@ -79,7 +79,7 @@ def test_a_summary_counts_the_repeats_that_have_a_value() -> None:
     assert list(found["repeats"]) == [3, 2, 1]
 
 
-def test_each_cell_is_judged_alone_and_in_the_tables_order() -> None:
+def test_each_cell_is_judged_by_itself_in_the_order_of_the_table() -> None:
     lower, higher = [1.0, 5.0, 9.0], [1.5, 5.6, 9.4]
     cells = [("press", "z", lower, higher), ("all", "z", higher, lower), ("all", "x", lower, [0.5, 5.1, 9.1])]
     tables = [metric_table({"a": a, "b": b}, axis=axis, phase=phase) for phase, axis, a, b in cells]
@@ -92,7 +92,7 @@ def test_each_cell_is_judged_alone_and_in_the_tables_order() -> None:
     assert [key[1] + key[3] for key in found] == ["pressz", "allz", "allx"]
 
 
-def test_repeats_are_paired_by_their_number_not_by_their_place() -> None:
+def test_repeats_are_paired_by_number_not_by_position() -> None:
     a, b = metric_table({"a": [1.0, 5.0, 9.0]}), metric_table({"b": [1.5, 5.6, 9.4]})
     (found,) = verdicts(pd.concat([a, b[::-1]])).values()
     assert found.best == "a"
@@ -125,7 +125,7 @@ def test_limits_cover_all_data_of_all_controllers() -> None:
     assert bounds.notes == ()
 
 
-def test_nothing_is_cut_in_silence() -> None:
+def test_whatever_is_cut_off_has_a_note() -> None:
     bounds = limits([curve("a", -1.0, 1.0), curve("b", 0.0, 500.0)], "N")
     assert bounds.high < 500.0
     assert "b goes off the axis" in bounds.notes[0]

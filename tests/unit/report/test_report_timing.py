@@ -1,4 +1,4 @@
-"""The certificate in the report, from loops that were simulated: what was late, through whom, and what counts."""
+"""The certificate in the report, from simulated loops: what was late, why, and what is compared."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, dict]
     return folder, page.read_text(encoding="utf-8"), json.loads((folder / "out" / "summary.json").read_text())
 
 
-def test_late_ticks_stand_with_their_culprits(reported: tuple[Path, str, dict]) -> None:
+def test_late_ticks_are_listed_by_cause(reported: tuple[Path, str, dict]) -> None:
     _, page, summary = reported
     rows = {row["trial"]: row for row in summary["timing"]["rows"]}
     slow, lost = rows["small.quiet.0"], rows["large.quiet.0"]
@@ -71,7 +71,7 @@ def test_late_ticks_stand_with_their_culprits(reported: tuple[Path, str, dict]) 
     ]
 
 
-def test_an_invalid_trial_is_told_at_the_top_and_left_out(reported: tuple[Path, str, dict]) -> None:
+def test_an_invalid_trial_is_listed_at_the_top_and_left_out(reported: tuple[Path, str, dict]) -> None:
     folder, page, summary = reported
     late = next(row["late_fraction"] for row in summary["timing"]["rows"] if row["trial"] == "small.quiet.0")
     assert "3 of 4 trials completed, 1 invalid" in page
@@ -108,13 +108,13 @@ def test_the_figures_are_there(reported: tuple[Path, str, dict]) -> None:
     assert (folder / "out" / "figures" / "certificate_timing_tail.svg").is_file()
 
 
-def test_late_fraction_is_a_metric_of_the_trials_that_count(reported: tuple[Path, str, dict]) -> None:
+def test_late_fraction_is_a_metric_of_the_compared_trials(reported: tuple[Path, str, dict]) -> None:
     table = pd.read_csv(reported[0] / "out" / "metrics.csv")
     found = table[(table["metric"] == "late_fraction") & (table["phase"] == "all")].set_index("trial")["value"]
     assert found.to_dict() == {"large.quiet.0": 0.003, "small.quiet.1": 0.0, "large.quiet.1": 0.0}
 
 
-def test_two_hosts_claim_no_transport(tmp_path: Path) -> None:
+def test_two_hosts_have_no_transport_times(tmp_path: Path) -> None:
     run = make_run(tmp_path / "run", {"small": 1.0}, repeats=1)
     there = Loop([Stall("controller_compute", 300, 2 * MS)], TICKS, offset=10**15).run()
     page = make_report(in_real_time(run, {"small.quiet.0": there}, one_clock=False), tmp_path / "out").read_text()
@@ -131,7 +131,7 @@ def test_all_trials_invalid(tmp_path: Path) -> None:
     assert "No trial completed within its timing budget, so there is nothing to compare." in page
 
 
-def test_a_compiled_loop_says_nothing_of_single_ticks(tmp_path: Path) -> None:
+def test_a_compiled_loop_has_no_times_of_single_ticks(tmp_path: Path) -> None:
     run = make_run(tmp_path / "run", {"small": 1.0}, repeats=1)
     path = run / "trials" / "small.quiet.0" / "timing.json"
     path.write_text(json.dumps({"clock": "lockstep", "ticks": 0, "late": 0, "round_trip_us": None, "compute_us": None}))
@@ -144,7 +144,7 @@ def test_a_compiled_loop_says_nothing_of_single_ticks(tmp_path: Path) -> None:
     [("completed", ["x"], "invalid"), ("completed", [], "completed"), ("tripped", ["x"], "invalid"),
      ("tripped", [], "tripped"), ("failed", ["x"], "failed"), ("aborted", ["x"], "aborted")],
 )  # fmt: skip
-def test_only_what_came_to_an_end_can_be_invalid(outcome: str, because: list[str], word: str) -> None:
+def test_only_a_trial_that_ran_to_an_end_can_be_invalid(outcome: str, because: list[str], word: str) -> None:
     assert ending({"outcome": outcome, "invalid_because": because}) == word
 
 

@@ -34,14 +34,14 @@ def test_repeats_are_compared_in_pairs(tmp_path: Path) -> None:
     assert "values that only one run has, left out: 1" in table.attrs["notes"]
 
 
-def test_other_seeds_are_no_pairs(tmp_path: Path) -> None:
+def test_runs_with_different_seeds_are_not_paired(tmp_path: Path) -> None:
     table = compare(run(tmp_path / "a", A, seed=7), run(tmp_path / "b", B, seed=8))
     assert (table["low"][0], table["high"][0]) == (-np.inf, np.inf)
     assert table["difference"][0] == 2.0
     assert any("different seeds" in note for note in table.attrs["notes"])
 
 
-def test_each_controller_condition_phase_metric_and_axis_stands_alone(tmp_path: Path) -> None:
+def test_each_controller_condition_phase_metric_and_axis_has_a_row(tmp_path: Path) -> None:
     cells = [{}, *({key: "other"} for key in ("controller", "condition", "phase", "metric", "axis"))]
     a = pd.concat([A.assign(**cell) for cell in cells])
     b = pd.concat([A.assign(value=A["value"] + k, **cell) for k, cell in enumerate(cells)])
@@ -60,7 +60,7 @@ def test_a_difference_beyond_its_spread_is_marked(tmp_path: Path, change: list[f
     assert line.endswith("*") == marked
 
 
-def test_a_name_of_digits_stays_a_name(tmp_path: Path) -> None:
+def test_a_name_made_of_digits_stays_a_string(tmp_path: Path) -> None:
     a, b = A.assign(controller="007"), B.assign(controller="007")
     assert compare(run(tmp_path / "a", a), run(tmp_path / "b", b))["controller"][0] == "007"
 

@@ -54,24 +54,24 @@ def test_a_row_has_mean_deviation_and_mark_of_each_controller(
     assert [entry.best for entry in row.entries] == best
 
 
-def test_a_row_says_what_its_mark_rests_on() -> None:
+def test_a_row_gives_the_basis_of_its_mark() -> None:
     assert [row.basis for row in tables()[1].rows] == ["paired, n = 3", "paired, n = 3", "within the spread"]
 
 
-def test_a_controller_that_measured_nothing_has_an_empty_place() -> None:
+def test_a_controller_without_a_value_has_an_empty_cell() -> None:
     row = tables()[2].rows[1]
     assert (row.entries[0].mean, row.entries[1].mean, row.entries[1].sd) == (pytest.approx(0.2), None, None)
 
 
-def test_the_answer_is_that_of_the_whole_trial() -> None:
+def test_the_answer_is_about_the_whole_trial() -> None:
     assert answer(verdicts(METRICS), summarise(METRICS), NAMES) == [
-        "quiet: b has the lowest force RMSE z (0.25 N); a has the lowest position RMSE x (1.01 mm).",
-        "rough: no verdict on position RMSE x (within the spread).",
+        "Condition quiet: b has the lowest force RMSE z (0.25 N); a has the lowest position RMSE x (1.01 mm).",
+        "Condition rough: no verdict on position RMSE x (within the spread).",
         "Of the 6 rows of the tables, a is marked best in 1, b in 2, and none in 3.",
     ]
 
 
-def test_one_controller_has_nobody_to_beat() -> None:
+def test_a_single_controller_is_not_compared() -> None:
     alone = METRICS[METRICS["controller"] == "a"]
     (sentence,) = answer(verdicts(alone), summarise(alone), ("a",))
     assert "nothing to compare" in sentence

@@ -8,7 +8,7 @@ from hilrig.rig import clock
 from hilrig.rig.clock import Pacer
 
 
-def test_in_lockstep_a_tick_is_due_when_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_in_lockstep_a_tick_is_due_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(clock, "sleep_until", lambda moment: pytest.fail("it sleeps"))
     pacer = Pacer(period=1e-3, realtime=False, spin=1e-4)
     for tick in (0, 1, 500):
@@ -17,7 +17,7 @@ def test_in_lockstep_a_tick_is_due_when_it_is_asked_for(monkeypatch: pytest.Monk
         assert before <= due <= time.monotonic_ns()
 
 
-def test_in_real_time_a_tick_is_due_its_number_of_periods_after_the_first_and_never_begins_before() -> None:
+def test_in_real_time_tick_k_is_due_k_periods_after_the_first_and_never_begins_earlier() -> None:
     pacer, dues, asked = Pacer(period=2e-3, realtime=True, spin=1e-4), [], time.monotonic_ns()
     for tick in (0, 1, 2, 5):
         dues.append(pacer.wait(tick))

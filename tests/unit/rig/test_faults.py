@@ -1,4 +1,4 @@
-"""Faults: at which ticks they fall, what the injector does and notes, what becomes of messages that the bus holds."""
+"""Faults: at which ticks they occur, what the injector does and logs, and what happens to delayed messages."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ def test_every_choice_of_ticks_is_equally_likely() -> None:
     assert max(abs(n - draws / 10) for n in found.values()) < 5 * math.sqrt(draws * 0.1 * 0.9)
 
 
-def test_times_fall_on_the_tick_at_or_after_them() -> None:
+def test_a_time_selects_the_tick_at_or_after_it() -> None:
     stalls = applied(Stall(process="driver", duration=2e-3, at=(1.0, 0.1 + 0.2, 0.0005))).faults.driver_stall
     assert np.flatnonzero(stalls).tolist() == [1, 300, 1000]
     assert set(stalls[[1, 300, 1000]]) == {2e-3}
 
 
-def test_each_process_and_manner_has_its_own_field() -> None:
+def test_each_process_and_kind_of_stall_has_its_own_field() -> None:
     stop = applied(Stall(process="controller", duration=1e-3, by="stop", at=1.0)).faults
     assert [name for name, part in stop._asdict().items() if part.any()] == ["controller_stop"]
 
@@ -68,13 +68,13 @@ def test_durations_are_drawn_between_their_bounds() -> None:
     assert drawn.std() == pytest.approx(2e-3 / math.sqrt(12), rel=0.05)
 
 
-def test_a_probability_is_that_of_each_tick() -> None:
+def test_a_probability_applies_to_each_tick() -> None:
     lost = applied(BusLoss(channel="state", probability=0.1)).faults.state_loss
     assert set(lost) == {0.0, 1.0}
     assert abs(lost.sum() - 0.1 * TIME.size) < 5 * math.sqrt(TIME.size * 0.1 * 0.9)
 
 
-def test_another_seed_has_other_ticks() -> None:
+def test_another_seed_selects_other_ticks() -> None:
     loss = BusLoss(channel="command", count=50, distance=15e-3)
     one, other = (np.flatnonzero(applied(loss, seed=seed).faults.command_loss) for seed in (1, 2))
     assert one.size == other.size == 50
@@ -96,20 +96,20 @@ def test_another_seed_has_other_ticks() -> None:
         ({"count": 5, "distance": 1.0}, "5 faults, 1000 ticks apart, do not fit into 4000 ticks; at most 4 do"),
     ],
 )
-def test_what_does_not_say_when_is_refused(words: dict[str, Any], message: str) -> None:
+def test_unclear_times_are_refused(words: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         applied(BusLoss(channel="state", **words))
 
 
 @pytest.mark.parametrize("duration", [(3e-3, 1e-3), (1e-3,), (1e-3, 2e-3, 3e-3)])
-def test_a_duration_is_one_time_or_two_in_order(duration: tuple[float, ...]) -> None:
+def test_a_duration_is_one_time_or_two_in_ascending_order(duration: tuple[float, ...]) -> None:
     for make in (Stall, BusDelay, SlowController):
         more = {Stall: {"process": "driver"}, BusDelay: {"channel": "state"}}.get(make, {})
         with pytest.raises(ValueError, match=r"give one time, or \[least, most\]"):
             make(duration=duration, at=1.0, **more)
 
 
-def test_a_process_that_has_nothing_to_inject_has_no_injector() -> None:
+def test_a_process_without_faults_has_no_injector() -> None:
     pulse, stall = ForcePulse(1.0, "x", 0.0, 0.1), Stall(process="driver", duration=1e-3, at=0.01)
     assert Injector.of(trial(disturbances=(pulse,)), "driver") is None
     assert Injector.of(trial(disturbances=(pulse, stall)), "controller") is None
@@ -118,7 +118,7 @@ def test_a_process_that_has_nothing_to_inject_has_no_injector() -> None:
     assert injector.planned == 1
 
 
-def test_an_injector_does_what_is_due_at_a_tick_and_notes_it(tmp_path: Path) -> None:
+def test_an_injector_injects_and_logs_the_faults_of_each_tick(tmp_path: Path) -> None:
     made = trial(
         disturbances=(
             Stall(process="controller", duration=4e-3, at=0.01),
@@ -142,8 +142,8 @@ def test_an_injector_does_what_is_due_at_a_tick_and_notes_it(tmp_path: Path) -> 
     assert all(fault.end - fault.begin >= 4_000_000 for fault in found)
 
 
-def test_a_stopped_process_stands_still_with_all_its_threads_and_goes_on() -> None:
-    """A thread that counts counts nothing meanwhile, and is heard of by the handler of SIGCONT."""
+def test_a_stopped_process_stops_all_its_threads_and_resumes() -> None:
+    """Another thread takes no time stamps meanwhile, and the handler of SIGCONT runs."""
     stopper, times, continued, over = Stopper(), [0], [], threading.Event()
 
     def watch() -> None:
@@ -167,12 +167,12 @@ def test_a_stopped_process_stands_still_with_all_its_threads_and_goes_on() -> No
         thread.join()
         signal.signal(signal.SIGCONT, before)
     assert end - begin >= 60_000_000
-    assert max(np.diff(times[1:])) >= 50_000_000, "the other thread stood still, too"
+    assert max(np.diff(times[1:])) >= 50_000_000, "the other thread was stopped too"
     assert begin < continued[0] <= end
 
 
-def test_a_stop_that_comes_after_its_signal_to_go_on_ends_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The process may be held up between the two; then the signal is sent again."""
+def test_a_stop_that_comes_after_its_sigcont_ends_anyway(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The process may be delayed between the two; then the signal is sent again."""
     kill = signal.pthread_kill
     monkeypatch.setattr(signal, "pthread_kill", lambda thread, number: (time.sleep(5e-3), kill(thread, number)))
     begin = time.monotonic_ns()
@@ -181,7 +181,7 @@ def test_a_stop_that_comes_after_its_signal_to_go_on_ends_all_the_same(monkeypat
 
 
 class Sent:
-    """Stands for an outbox; keeps what was sent, and when."""
+    """A stand-in for an outbox that keeps what was sent, and when."""
 
     def __init__(self) -> None:
         self.payloads: list[bytes] = []
@@ -199,7 +199,7 @@ def message(tick: int) -> bytes:
     return b"head" + tick.to_bytes(8, "little") + b"body"
 
 
-def test_a_held_message_holds_those_behind_it_and_none_is_lost_or_changed() -> None:
+def test_a_delayed_message_delays_those_behind_it_and_none_is_lost_or_changed() -> None:
     sent, noted = Sent(), []
     outbox = FaultyOutbox(sent, {2: 30_000_000, 4: 5_000_000}, {}, lambda *fault: noted.append(fault))  # pyright: ignore
     began = time.monotonic_ns()
@@ -210,13 +210,13 @@ def test_a_held_message_holds_those_behind_it_and_none_is_lost_or_changed() -> N
     put = time.monotonic_ns()
     outbox.end()
     assert sent.payloads == [*map(message, range(7)), b""]
-    assert sent.times[1] <= put, "what comes before a held message goes out at once"
+    assert sent.times[1] <= put, "a message before a delayed one is sent at once"
     assert sent.times[2] - began >= 30_000_000
     assert [(tick, what) for tick, what, _, _ in noted] == [(2, "delay"), (4, "delay")]
     assert all(end - begin >= least for (_, _, begin, end), least in zip(noted, (30e6, 5e6), strict=True))
 
 
-def test_after_a_delay_messages_go_out_at_once_again() -> None:
+def test_after_a_delay_messages_are_sent_at_once_again() -> None:
     sent = Sent()
     outbox = FaultyOutbox(sent, {0: 1_000_000}, {}, lambda *fault: None)  # pyright: ignore
     outbox.put(message(0))
@@ -228,7 +228,7 @@ def test_after_a_delay_messages_go_out_at_once_again() -> None:
     outbox.end()
 
 
-def test_a_lost_message_is_never_sent_and_is_noted() -> None:
+def test_a_lost_message_is_never_sent_and_is_logged() -> None:
     sent, noted = Sent(), []
     outbox = FaultyOutbox(sent, {}, {1: 1}, lambda *fault: noted.append(fault[:2]))  # pyright: ignore
     for tick in range(3):

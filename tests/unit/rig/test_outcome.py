@@ -15,7 +15,7 @@ def account(sent: int | None, stored: int) -> dict[str, Any]:
 WHOLE = {"state": account(200, 200), "command": account(200, 200)}
 
 
-def test_a_whole_record_completes_the_trial() -> None:
+def test_a_complete_record_completes_the_trial() -> None:
     outcome = Outcome.of(trial(), "completed", "", 200, 0.1, WHOLE)
     assert outcome.completed
     assert outcome.speed == pytest.approx(2.0)
@@ -31,7 +31,7 @@ def test_a_whole_record_completes_the_trial() -> None:
         ({}, "the logger did not report what it stored"),
     ],
 )
-def test_an_unexplained_gap_is_a_failure(channels: dict[str, Any], reason: str) -> None:
+def test_a_record_with_missing_messages_fails_the_trial(channels: dict[str, Any], reason: str) -> None:
     outcome = Outcome.of(trial(), "completed", "", 200, 0.1, channels)
     assert outcome.outcome == "failed"
     assert reason in outcome.reason
@@ -39,7 +39,7 @@ def test_an_unexplained_gap_is_a_failure(channels: dict[str, Any], reason: str) 
 
 
 @pytest.mark.parametrize("end", ["tripped", "aborted", "timed_out", "failed"])
-def test_what_went_wrong_first_stays_the_reason(end: str) -> None:
+def test_missing_messages_do_not_change_an_earlier_reason(end: str) -> None:
     outcome = Outcome.of(trial(), end, "the reason", 10, 0.1, {"state": account(10, 9)})
     assert (outcome.outcome, outcome.reason) == (end, "the reason")
     assert not outcome.completed

@@ -1,4 +1,4 @@
-"""Each setting against what the kernel says of the process that it was applied to, a process of its own."""
+"""Each setting, applied in a process of its own, against what the kernel says about that process."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_as_root_nothing_is_refused() -> None:
     assert refusals({**report, "cpu_dma_latency": report["pin"]}) == []
 
 
-def test_without_privileges_the_refusals_are_told_and_the_rest_is_applied() -> None:
+def test_without_privileges_refusals_are_reported_and_the_rest_is_applied() -> None:
     report, kernel = applied(limit=1 << 20)
     assert report["scheduler"]["applied"] == "other"
     assert report["scheduler"]["reason"].endswith("the limit of real-time priority (ulimit -r) is 0")
@@ -113,7 +113,7 @@ def test_what_is_switched_off_is_left_as_it_is() -> None:
     assert refusals(report) == []
 
 
-def test_the_controller_holds_no_core_awake_and_the_logger_is_pinned_alone() -> None:
+def test_the_controller_does_not_hold_dma_latency_and_the_logger_is_only_pinned() -> None:
     report, kernel = applied("controller")
     assert "cpu_dma_latency" not in report
     assert kernel["holds"] == []
@@ -122,7 +122,7 @@ def test_the_controller_holds_no_core_awake_and_the_logger_is_pinned_alone() -> 
     assert (kernel["policy"], kernel["locked"], kernel["slack"]) == (os.SCHED_OTHER, 0, 50_000)
 
 
-def test_in_lockstep_the_settings_count_for_nothing() -> None:
+def test_in_lockstep_the_settings_are_ignored() -> None:
     report, kernel = applied(realtime=False, pin=False, freeze_garbage=False, scheduler="fifo")
     assert kernel["policy"] == os.SCHED_BATCH
     assert kernel["cores"] == kernel["core"]
@@ -151,11 +151,13 @@ def test_the_highest_permitted_priority_is_taken_where_the_wanted_one_is_refused
 @pytest.mark.parametrize(
     ("text", "numbers"), [("", []), ("\n", []), ("3", [3]), ("0-1\n", [0, 1]), ("0,2-4,7", [0, 2, 3, 4, 7])]
 )
-def test_a_list_of_the_kernels(text: str, numbers: list[int]) -> None:
+def test_a_list_as_the_kernel_writes_it(text: str, numbers: list[int]) -> None:
     assert cores.listed(text) == numbers
 
 
-def test_isolated_cores_are_for_the_loop_in_real_time_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_isolated_cores_are_used_for_the_loop_in_real_time_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda process: {0, 1})
     monkeypatch.setattr(cores, "ISOLATED", tmp_path / "isolated")
     both = {"driver": (0,), "controller": (0,), "logger": (1,)}
@@ -166,7 +168,7 @@ def test_isolated_cores_are_for_the_loop_in_real_time_alone(tmp_path: Path, monk
     assert cores.cores_for(1, realtime=True) == {"driver": (3,), "controller": (3,), "logger": (1,)}
 
 
-def test_a_core_that_is_not_there_is_told() -> None:
+def test_a_missing_core_is_reported() -> None:
     before = os.sched_getaffinity(0)
     now, reason = cores.pin([4000])
     assert set(map(int, now.split())) == before == os.sched_getaffinity(0)

@@ -23,7 +23,7 @@ edges = st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3)).map(sorted).map(tu
 
 
 def spread(mean: float, half: float) -> np.ndarray:
-    """Return ten numbers whose 95 % interval is mean ± half: the t quantile of 9 degrees of freedom is 2.262157."""
+    """Return ten numbers whose 95 % confidence interval is mean ± half: t(0.975, 9) = 2.262157."""
     sd = half * math.sqrt(10) / 2.2621571628
     signs = np.array([1.0, -1.0] * 5)
     return mean + signs * sd / math.sqrt(10 / 9)
@@ -53,7 +53,7 @@ def test_the_side_of_the_interval_decides(
 
 
 @given(numbers, edges)
-def test_the_interval_is_that_of_another_library(values: np.ndarray, claimed: tuple[float, float]) -> None:
+def test_the_interval_agrees_with_another_library(values: np.ndarray, claimed: tuple[float, float]) -> None:
     found = judge(values, claimed)
     error = float(stats.sem(values))
     low, high = stats.t.interval(0.95, values.size - 1, loc=np.mean(values), scale=error) if error else (values[0],) * 2
@@ -61,7 +61,7 @@ def test_the_interval_is_that_of_another_library(values: np.ndarray, claimed: tu
 
 
 @given(numbers, st.floats(-1e3, 1e3))
-def test_a_claim_and_its_contrary_are_never_both_so(values: np.ndarray, limit: float) -> None:
+def test_a_claim_and_its_opposite_are_never_both_reproduced(values: np.ndarray, limit: float) -> None:
     below, above = judge(values, (-math.inf, limit)).result, judge(values, (limit, math.inf)).result
     assert {below, above} in (
         {"cannot tell"},
@@ -73,7 +73,7 @@ def test_a_claim_and_its_contrary_are_never_both_so(values: np.ndarray, limit: f
 
 
 @given(st.lists(st.floats(-1e3, 1e3), max_size=LEAST_PAIRS - 1).map(np.array), edges)
-def test_with_too_few_repeats_one_cannot_tell(values: np.ndarray, claimed: tuple[float, float]) -> None:
+def test_too_few_repeats_cannot_tell(values: np.ndarray, claimed: tuple[float, float]) -> None:
     found = judge(values, claimed)
     assert (found.result, found.pairs) == ("cannot tell", values.size)
     assert found.reason
@@ -166,7 +166,7 @@ def test_differences_are_of_pairs() -> None:
 
 def test_the_numbers_in_words() -> None:
     found = evidence(metric_table({"a": [0.001] * 10, "b": [0.003] * 10}), less_than=LessThan("b"))
-    assert found.values == "1.00 mm against 3.00 mm"
+    assert found.values == "1.00 mm vs 3.00 mm"
     assert found.number == "−2.00 mm"
     assert found.measured == "position RMSE x, a (one, quiet, whole trial), minus that of b"
     found = evidence(metric_table({"a": NEAR}), below=1.5)

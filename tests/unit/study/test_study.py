@@ -185,7 +185,7 @@ def test_the_files_say_what_was_found(write: Write, tmp_path: Path) -> None:
     assert all(target.startswith(("data:", "#")) for target in targets)
 
 
-def test_trials_that_did_not_complete_are_told(write: Write, tmp_path: Path) -> None:
+def test_trials_that_did_not_complete_are_listed(write: Write, tmp_path: Path) -> None:
     run = run_of_tiny(tmp_path / "run", failed=("large.quiet.3",))
     files = made(write(), run, tmp_path / "out")
     assert json.loads(files["summary.json"])["claims"][0]["result"] == "cannot tell"
@@ -199,7 +199,7 @@ TRIPS = {"controller": "large", "outcome": "tripped"}
 SMALL = {"controller": "small", "metric": "position_rmse", "phase": "all", "below": 1e-6}
 
 
-def test_what_experiments_expect_is_a_table_of_its_own(write: Write, tmp_path: Path) -> None:
+def test_expectations_have_a_table_of_their_own(write: Write, tmp_path: Path) -> None:
     run = run_of_tiny(tmp_path / "run", LARGE, (TRIPS, SMALL))
     files = made(write(), run, tmp_path / "out")
     summary = json.loads(files["summary.json"])
@@ -238,7 +238,7 @@ def test_trials_end_well_if_they_complete_or_end_as_expected(
     assert [item.met for item in found.expected["tiny"]] == met
 
 
-def test_an_experiment_is_no_study_and_says_so_in_one_line(write: Write) -> None:
+def test_an_experiment_in_place_of_a_study_is_named_in_one_line(write: Write) -> None:
     path = write().parent / "tiny.yaml"
     with pytest.raises(ExperimentError) as caught:
         load_study(path)
@@ -298,7 +298,7 @@ def test_a_zoom_is_a_second_panel(tmp_path: Path) -> None:
     assert figure.get_size_inches()[0] == 3.5
 
 
-def test_a_run_is_reused_only_if_it_is_the_experiments_own(write: Write, tmp_path: Path) -> None:
+def test_a_run_is_reused_only_for_its_own_experiment(write: Write, tmp_path: Path) -> None:
     loaded, run = load_study(write()), run_of_tiny(tmp_path / "run")
     assert match(loaded, [run], []) == {"tiny": run}
     with pytest.raises(ExperimentError, match="is already a run of 'tiny'"):
