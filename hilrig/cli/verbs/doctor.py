@@ -25,18 +25,11 @@ def doctor(
     seconds: Annotated[float, typer.Option(min=0.1, max=3600, help="How long to measure, in seconds.")] = 10.0,
     as_json: AsJson = False,
 ) -> None:
-<<<<<<< HEAD:hilrig/cli/verbs/doctor.py
     """Check whether this machine can run the loop at 1 ms.
 
     Reads the machine's settings, then measures at 1 kHz how late a process wakes up and how long a message and its
     answer take over the bus, with the default set-up of an experiment. Lists how to fix what is in the way. Exit code:
     0 the machine was examined, whatever was found.
-=======
-    """Check whether this machine can run the loop at 1 ms, and how to fix what prevents it.
-
-    Reads the machine's configuration, then measures the wake-up lateness and the round trip on the bus at 1 kHz, with
-    the default set-up of an experiment. Exit code: 0 once the machine has been examined, whatever was found.
->>>>>>> rigroom:hilrig/cli/doctoring.py
     """
     from hilrig.cli.doctor.findings import findings, from_probe
     from hilrig.cli.doctor.host import read_host
@@ -105,13 +98,8 @@ def _print_probe(console: Console, measured: Probe) -> None:
 
 
 def _print_remedies(console: Console, found: list[Finding]) -> None:
-<<<<<<< HEAD:hilrig/cli/verbs/doctor.py
     """Print how to fix each finding, one line each, never folded: users copy these lines."""
     for verdict, title in (("fault", "To fix the faults:"), ("note", "What may help, too:")):
-=======
-    """Print the remedy of each finding on one line, never folded, so that it can be copied."""
-    for verdict, title in (("fault", "To fix the faults:"), ("note", "What may also help:")):
->>>>>>> rigroom:hilrig/cli/doctoring.py
         items = [item for item in found if item.verdict == verdict and item.remedy]
         if items:
             console.print(f"\n{title}")
