@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hilrig.cli import main
 from hilrig.cli.application import AsJson, print_json
+from hilrig.cli.entry import main
 from hilrig.core.errors import ExperimentError, nearest
 
 if TYPE_CHECKING:
