@@ -23,7 +23,7 @@ from hilrig_drivers._bullet_world import EngineContact, ExplicitContact, World
 from hilrig_drivers._planar import Constants, PlanarArm, friction, planar_wrench, surface_now
 
 
-class Observation(NamedTuple):
+class ArmState(NamedTuple):
     """The arm between two steps of the engine."""
 
     joint_position: Array
@@ -72,7 +72,7 @@ class BulletPlant:
         if self._direct:
             # A copy: it is measured later, and the caller may write its next command into the same array.
             return command.torque.copy(), command.torque
-        return joint_torque(self._constants, self._sight, friction_scale, command.torque, command.position)
+        return motor_torques(self._constants, self._sight, friction_scale, command.torque, command.position)
 
     def hold(self) -> Command:
         """Return the command that holds the arm where it is."""
@@ -97,7 +97,7 @@ class BulletPlant:
             place,
         )
 
-    def _look(self) -> Observation:
+    def _look(self) -> ArmState:
         return look(self._constants.geometry, self._dynamics, *self._world.joints())
 
     def _force(self, disturbance: PlantDisturbance) -> Array:
@@ -115,16 +115,16 @@ def moved(surface: SurfaceState, after: float) -> SurfaceState:
 
 
 @kernel
-def look(geometry: Geometry, dynamics: Array, q: Array, rate: Array) -> Observation:
+def look(geometry: Geometry, dynamics: Array, q: Array, rate: Array) -> ArmState:
     """Return what follows from the joints' state (2,) rad, (2,) rad/s."""
     at = kinematics(geometry, q, rate)
     # The nominal parameters have no friction: what is left of the regressor's constant part is gravity.
-    return Observation(q, rate, at.position, at.velocity, np.dot(at.regressor[0], dynamics), at.jacobian)
+    return ArmState(q, rate, at.position, at.velocity, np.dot(at.regressor[0], dynamics), at.jacobian)
 
 
 @kernel
-def joint_torque(
-    c: Constants, observation: Observation, friction_scale: float, torque: Array, reference: Array
+def motor_torques(
+    c: Constants, observation: ArmState, friction_scale: float, torque: Array, reference: Array
 ) -> tuple[Array, Array]:
     """Return the motors' torque (2,) N m, and what is left of it behind the joints' friction."""
     q, rate, gravity = observation.joint_position, observation.joint_velocity, observation.gravity

@@ -55,7 +55,7 @@ def _options(
     """Options of the program itself, given before the verb."""
 
 
-def find_run(run: Path) -> Path:
+def run_meant(run: Path) -> Path:
     """Return the run directory that `run` means: a path, or a name below runs/."""
     from hilrig.recording import run_directory
 

@@ -42,7 +42,7 @@ def tell_run(run: Path, experiment: Experiment, trials: Sequence[Trial], outcome
     Return whether every trial completed within its budget, or ended as expected.
     """
     from hilrig.experiment.expecting import ended_early, ends_as_expected
-    from hilrig.recording.run_directory import INVALID, ending, read_outcome, reason
+    from hilrig.recording.run_directory import INVALID, ending, read_outcome, reason_of
 
     expect = experiment.to_document()["expect"]
     planned = {trial.id: trial for trial in trials}
@@ -57,7 +57,7 @@ def tell_run(run: Path, experiment: Experiment, trials: Sequence[Trial], outcome
     typer.echo(f"run      {run}  ({completed} of {len(trials)} trials completed{others})")
     for name, word in ended.items():
         if word == INVALID:
-            typer.echo(f"invalid  {name}  {reason(read[name])}")
+            typer.echo(f"invalid  {name}  {reason_of(read[name])}")
     return completed + sum(word != "completed" for word in expected) == len(trials)
 
 

@@ -115,7 +115,7 @@ def authors_line(error: BaseException, package: str = "") -> tuple[str, int] | N
     return found
 
 
-def describe(error: BaseException) -> str:
+def describe_error(error: BaseException) -> str:
     """Return one line: what was raised and, if it was not meant for the user, where; in the author's code if it can."""
     if isinstance(error, HilrigError):
         return str(error)

@@ -4,6 +4,6 @@ from .model import Expectation as Expectation
 from .model import Experiment as Experiment
 from .model import ImpedanceSpec as ImpedanceSpec
 from .model import Phase as Phase
-from .model import Task as Task
+from .model import TaskSection as TaskSection
 from .timing_budget import TimingBudget as TimingBudget
 from .trial import Limits as Limits

@@ -15,7 +15,7 @@ from hilrig.experiment.document import Keys
 from hilrig.experiment.expecting import check_expectation, complete_expectation
 from hilrig.experiment.model import Experiment, Phase
 from hilrig.experiment.rig_settings import RigSettings
-from hilrig.experiment.schema import ONLY_AXIS, Finding, InvalidError
+from hilrig.experiment.schema import ONLY_AXIS, InvalidError, SchemaFinding
 from hilrig.experiment.trial import ALL_PHASES
 from hilrig.kinds import registry as plugins
 from hilrig.kinds.user_files import code_of
@@ -28,7 +28,7 @@ MAX_TICKS = 5_000_000
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
-def completed(experiment: Experiment) -> Experiment:
+def cross_checked(experiment: Experiment) -> Experiment:
     """Return the experiment with every reference under its axis and every expectation in its metric's unit.
 
     Raises InvalidError with all that does not fit together.
@@ -52,7 +52,7 @@ def completed(experiment: Experiment) -> Experiment:
     return replace(experiment, phases=tuple(phases), expect=tuple(expect))
 
 
-def _check_names(experiment: Experiment) -> Iterator[Finding]:
+def _check_names(experiment: Experiment) -> Iterator[SchemaFinding]:
     yield from _check_name(experiment.name, ("name",), on_key=False)
     groups: dict[str, Mapping[str, Any]] = {
         "controllers": experiment.controllers,
@@ -60,68 +60,68 @@ def _check_names(experiment: Experiment) -> Iterator[Finding]:
     }
     for group, named in groups.items():
         if not named:
-            yield Finding((group,), f"there are no {group}; an experiment needs at least one")
+            yield SchemaFinding((group,), f"there are no {group}; an experiment needs at least one")
         for name in named:
             yield from _check_name(name, (group, name), on_key=True)
         yield from _check_unique([(name, (group, name)) for name in named], on_key=True)
     if not experiment.phases:
-        yield Finding(("phases",), "there are no phases; an experiment needs at least one")
+        yield SchemaFinding(("phases",), "there are no phases; an experiment needs at least one")
     for i, phase in enumerate(experiment.phases):
         yield from _check_name(phase.name, ("phases", i, "name"), on_key=False)
         if phase.name == ALL_PHASES:
-            yield Finding(
+            yield SchemaFinding(
                 ("phases", i, "name"), f"'{ALL_PHASES}' stands for all phases together; give the phase another name"
             )
     yield from _check_unique([(p.name, ("phases", i, "name")) for i, p in enumerate(experiment.phases)], on_key=False)
 
 
-def _check_name(name: str, path: Keys, on_key: bool) -> Iterator[Finding]:
+def _check_name(name: str, path: Keys, on_key: bool) -> Iterator[SchemaFinding]:
     if not _NAME.fullmatch(name):
         message = (
             f"{shown(name)} cannot be a name: it becomes part of a folder's; use at most 64 of A-Z, a-z, 0-9, '_' and "
             "'-', with a letter or digit first"
         )
-        yield Finding(path, message, on_key)
+        yield SchemaFinding(path, message, on_key)
 
 
-def _check_unique(named: Iterable[tuple[str, Keys]], on_key: bool) -> Iterator[Finding]:
+def _check_unique(named: Iterable[tuple[str, Keys]], on_key: bool) -> Iterator[SchemaFinding]:
     """Names become folders, and to some file systems 'PD' and 'pd' are the same."""
     seen: dict[str, str] = {}
     for name, path in named:
         if name.lower() in seen:
-            yield Finding(path, f"the name '{name}' is already taken by '{seen[name.lower()]}'", on_key)
+            yield SchemaFinding(path, f"the name '{name}' is already taken by '{seen[name.lower()]}'", on_key)
         seen.setdefault(name.lower(), name)
 
 
-def _check_task(experiment: Experiment) -> Iterator[Finding]:
+def _check_task(experiment: Experiment) -> Iterator[SchemaFinding]:
     axes, task = experiment.driver.robot.axes, experiment.task
     for i, axis in enumerate(task.force_axes):
         if axis not in axes:
-            yield Finding(("task", "force_axes", i), _no_axis(axis, axes))
+            yield SchemaFinding(("task", "force_axes", i), _no_axis(axis, axes))
         elif axis in task.force_axes[:i]:
-            yield Finding(("task", "force_axes", i), f"the axis '{axis}' is listed twice")
+            yield SchemaFinding(("task", "force_axes", i), f"the axis '{axis}' is listed twice")
     for axis in task.start:
         if axis not in axes:
-            yield Finding(("task", "start", axis), _no_axis(axis, axes), on_key=True)
+            yield SchemaFinding(("task", "start", axis), _no_axis(axis, axes), on_key=True)
     for name in ("inertia", "damping", "stiffness"):
         try:
             per_axis(getattr(task.impedance, name), len(axes), name)
         except ValueError as error:
-            yield Finding(("task", "impedance", name), f"{error} (axes: {', '.join(axes)})")
+            yield SchemaFinding(("task", "impedance", name), f"{error} (axes: {', '.join(axes)})")
 
 
 def _no_axis(axis: str, axes: tuple[str, ...]) -> str:
     return f"the robot has no axis '{axis}'{nearest(axis, axes)} (axes: {', '.join(axes)})"
 
 
-def _check_time(experiment: Experiment) -> Iterator[Finding]:
+def _check_time(experiment: Experiment) -> Iterator[SchemaFinding]:
     period, ticks = experiment.period, 0
     for i, phase in enumerate(experiment.phases):
         whole = round(phase.duration / period)
         ticks += whole
         if whole < 1 or abs(whole * period - phase.duration) > 1e-6 * period:
             message = f"{phase.duration:g} s is not a whole number of periods of {period:g} s"
-            yield Finding(("phases", i, "duration"), message)
+            yield SchemaFinding(("phases", i, "duration"), message)
     spin = experiment.rig.spin
     if experiment.clock == "realtime" and spin >= period:
         path: Keys = ("period",) if spin == RigSettings.spin else ("rig", "spin")
@@ -129,12 +129,12 @@ def _check_time(experiment: Experiment) -> Iterator[Finding]:
             f"a period of {period:g} s leaves no time to sleep in: 'rig.spin', the part of each wait that is spent "
             f"awake, is {spin:g} s; set it to less than the period"
         )
-        yield Finding(path, message)
+        yield SchemaFinding(path, message)
     if experiment.phases and not MIN_TICKS <= ticks <= MAX_TICKS:
-        yield Finding(("phases",), f"{ticks} ticks in all; a trial has {MIN_TICKS} to {MAX_TICKS}")
+        yield SchemaFinding(("phases",), f"{ticks} ticks in all; a trial has {MIN_TICKS} to {MAX_TICKS}")
 
 
-def _check_driver(experiment: Experiment) -> Iterator[Finding]:
+def _check_driver(experiment: Experiment) -> Iterator[SchemaFinding]:
     """Yield what a driver of the user's does not say of itself as others rely on it."""
     try:
         with code_of(experiment.driver):
@@ -144,18 +144,18 @@ def _check_driver(experiment: Experiment) -> Iterator[Finding]:
             if not isinstance(axes, tuple) or not axes or not all(isinstance(axis, str) for axis in axes):
                 raise ValueError(f"the robot's axes are {axes!r}; they must be a tuple of names")
     except PluginError as error:
-        yield Finding(("driver",), str(error))
+        yield SchemaFinding(("driver",), str(error))
 
 
-def _check_abilities(experiment: Experiment) -> Iterator[Finding]:
+def _check_abilities(experiment: Experiment) -> Iterator[SchemaFinding]:
     capabilities = experiment.driver.capabilities
     if experiment.clock not in capabilities.clocks:
         able = ", ".join(capabilities.clocks)
         message = f"the driver cannot run with the clock '{experiment.clock}' (it can: {able})"
-        yield Finding(("clock",), message)
+        yield SchemaFinding(("clock",), message)
     if experiment.actuation_delay == 0 and experiment.clock != "lockstep":
         message = "0 is possible only with the clock 'lockstep'; in real time 1 to 10 are allowed"
-        yield Finding(("actuation_delay",), message)
+        yield SchemaFinding(("actuation_delay",), message)
     for name, disturbances in experiment.conditions.items():
         for i, disturbance in enumerate(disturbances):
             beyond = [
@@ -167,10 +167,10 @@ def _check_abilities(experiment: Experiment) -> Iterator[Finding]:
                 kind = plugins.name_of(type(disturbance))[1]
                 able = ", ".join(capabilities.disturbances) or "none"
                 message = f"the driver cannot apply '{kind}', on {', '.join(beyond)} (it can: {able})"
-                yield Finding(("conditions", name, i), message)
+                yield SchemaFinding(("conditions", name, i), message)
 
 
-def _check_faults(experiment: Experiment) -> Iterator[Finding]:
+def _check_faults(experiment: Experiment) -> Iterator[SchemaFinding]:
     """In lockstep nothing is late, and the loop would wait for a lost message for ever."""
     for name, disturbances in experiment.conditions.items():
         for i, disturbance in enumerate(disturbances):
@@ -178,10 +178,10 @@ def _check_faults(experiment: Experiment) -> Iterator[Finding]:
                 kind = plugins.name_of(type(disturbance))[1]
                 wanted = f"it needs the clock 'realtime', not '{experiment.clock}'"
                 message = f"'{kind}' is a fault of the real-time loop: {wanted}"
-                yield Finding(("conditions", name, i), message)
+                yield SchemaFinding(("conditions", name, i), message)
 
 
-def _check_timing(experiment: Experiment) -> Iterator[Finding]:
+def _check_timing(experiment: Experiment) -> Iterator[SchemaFinding]:
     age, least = experiment.timing.command_age_p99, experiment.actuation_delay * experiment.period
     if age is not None and age <= least:
         message = (
@@ -189,10 +189,10 @@ def _check_timing(experiment: Experiment) -> Iterator[Finding]:
             f"of {1e3 * experiment.period:g} ms a command is {1e3 * least:g} ms old when it takes effect; "
             "allow more than that"
         )
-        yield Finding(("timing", "command_age_p99"), message)
+        yield SchemaFinding(("timing", "command_age_p99"), message)
 
 
-def _complete_phase(experiment: Experiment, phase: Phase, index: int, findings: list[Finding]) -> Phase:
+def _complete_phase(experiment: Experiment, phase: Phase, index: int, findings: list[SchemaFinding]) -> Phase:
     """Return the phase with a reference under each axis; what is wrong is added to `findings`."""
     force = tuple(axis for axis in experiment.driver.robot.axes if axis in experiment.task.force_axes)
     position = tuple(axis for axis in experiment.driver.robot.axes if axis not in force)
@@ -205,19 +205,19 @@ def _complete_phase(experiment: Experiment, phase: Phase, index: int, findings: 
     return phase
 
 
-def _check_axes(given: Mapping[str, Any], axes: tuple[str, ...], path: Keys, name: str) -> Iterator[Finding]:
+def _check_axes(given: Mapping[str, Any], axes: tuple[str, ...], path: Keys, name: str) -> Iterator[SchemaFinding]:
     listed = ", ".join(axes) or "none"
     if ONLY_AXIS in given:
         example = f" write {{{axes[0]}: {{kind: ...}}, ...}}" if axes else ""
-        yield Finding((*path, name), f"which axis is this for?{example} ({name}-controlled axes: {listed})")
+        yield SchemaFinding((*path, name), f"which axis is this for?{example} ({name}-controlled axes: {listed})")
         return
     for axis in given:
         if axis not in axes:
             message = f"the axis '{axis}' is not {name}-controlled{nearest(axis, axes)} ({name}-controlled: {listed})"
-            yield Finding((*path, name, axis), message, on_key=True)
+            yield SchemaFinding((*path, name, axis), message, on_key=True)
     for axis in axes:
         if axis not in given:
-            yield Finding(
+            yield SchemaFinding(
                 (*path, name) if given else path,
                 f"'{name}' is missing for the {name}-controlled axis '{axis}'",
             )

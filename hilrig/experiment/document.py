@@ -17,7 +17,7 @@ from hilrig.core.errors import ExperimentError, Place, Problem, nearest
 from hilrig.core.quantities import shown
 from hilrig.core.text import NotUtf8Error, decoded
 
-MAX_BYTES = 1 << 20
+MAX_YAML_BYTES = 1 << 20
 MAX_NODES = 100_000
 """A few lines with aliases can stand for more values than fit into memory."""
 
@@ -56,12 +56,12 @@ class Document:
         return self.values.get(path, Place(self.file, 1, 1))
 
 
-def read(path: Path) -> Document:
+def read_document(path: Path) -> Document:
     """Read a file whose content is one mapping. Raises ExperimentError with every problem's place."""
     start = Place(str(path), 1, 1)
     try:
         with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
+            content = file.read(MAX_YAML_BYTES + 1)
     except FileNotFoundError as error:
         raise ExperimentError(
             [Problem(None, f"{path}: there is no such file{nearest(path.name, _siblings(path))}")]
@@ -70,8 +70,10 @@ def read(path: Path) -> Document:
         raise ExperimentError([Problem(None, f"{path}: is a directory, not a file")]) from error
     except OSError as error:
         raise ExperimentError([Problem(None, f"{path}: cannot be read: {error.strerror}")]) from error
-    if len(content) > MAX_BYTES:
-        raise ExperimentError([Problem(start, f"is larger than {MAX_BYTES >> 20} MiB, too large for an experiment")])
+    if len(content) > MAX_YAML_BYTES:
+        raise ExperimentError(
+            [Problem(start, f"is larger than {MAX_YAML_BYTES >> 20} MiB, too large for an experiment")]
+        )
     try:
         text = decoded(content)
     except NotUtf8Error as error:

@@ -10,7 +10,7 @@ from typing import Any
 from hilrig.core.errors import nearest
 from hilrig.core.quantities import quantity
 from hilrig.experiment.model import Expectation, Experiment
-from hilrig.experiment.schema import Finding
+from hilrig.experiment.schema import SchemaFinding
 from hilrig.experiment.trial import ALL_PHASES
 from hilrig.kinds import registry as plugins
 
@@ -33,11 +33,11 @@ def ended_early(as_expected: Iterable[str]) -> str:
     return "".join(f", {count} {outcome} as expected" for outcome, count in counts.items())
 
 
-def check_expectation(experiment: Experiment, expectation: Expectation, index: int) -> Iterator[Finding]:
+def check_expectation(experiment: Experiment, expectation: Expectation, index: int) -> Iterator[SchemaFinding]:
     """Yield what is wrong with one expectation: names that are unknown, keys that do not go together."""
     controllers = tuple(experiment.controllers)
     choices = {
-        "metric": ("metric", plugins.kinds("metrics")),
+        "metric": ("metric", plugins.kind_names("metrics")),
         "controller": ("controller", controllers),
         "minus": ("controller", controllers),
         "phase": ("phase", (*(phase.name for phase in experiment.phases), ALL_PHASES)),
@@ -48,35 +48,37 @@ def check_expectation(experiment: Experiment, expectation: Expectation, index: i
         value = getattr(expectation, name)
         if value is not None and value not in known:
             message = f"there is no {what} '{value}'{nearest(value, known)} (known: {', '.join(known)})"
-            yield Finding(("expect", index, name), message)
+            yield SchemaFinding(("expect", index, name), message)
     if expectation.minus == expectation.controller:
         others = ", ".join(name for name in controllers if name != expectation.minus) or "none"
         message = f"'{expectation.minus}' minus itself is always zero; name another controller (others: {others})"
-        yield Finding(("expect", index, "minus"), message)
+        yield SchemaFinding(("expect", index, "minus"), message)
     yield from _check_form(expectation, index)
 
 
-def _check_form(expectation: Expectation, index: int) -> Iterator[Finding]:
+def _check_form(expectation: Expectation, index: int) -> Iterator[SchemaFinding]:
     """Yield what is wrong with which keys are given, whatever their values."""
     if expectation.outcome is not None and expectation.metric is not None:
         message = "'metric' and 'outcome' are both given; write an expectation for each"
-        yield Finding(("expect", index, "outcome"), message, on_key=True)
+        yield SchemaFinding(("expect", index, "outcome"), message, on_key=True)
     elif expectation.outcome is not None:
         for name in OF_A_METRIC:
             if getattr(expectation, name) is not None:
                 message = f"'{name}' does not go with 'outcome', which is of whole trials (allowed: condition)"
-                yield Finding(("expect", index, name), message, on_key=True)
+                yield SchemaFinding(("expect", index, name), message, on_key=True)
     elif expectation.metric is None:
-        yield Finding(("expect", index), "nothing is expected; give 'metric' with 'below' or 'above', or 'outcome'")
+        yield SchemaFinding(
+            ("expect", index), "nothing is expected; give 'metric' with 'below' or 'above', or 'outcome'"
+        )
     elif expectation.below is None and expectation.above is None:
-        yield Finding(("expect", index), "the metric has no limit; give 'below' or 'above'")
+        yield SchemaFinding(("expect", index), "the metric has no limit; give 'below' or 'above'")
 
 
-def complete_expectation(expectation: Expectation, index: int, findings: list[Finding]) -> Expectation:
+def complete_expectation(expectation: Expectation, index: int, findings: list[SchemaFinding]) -> Expectation:
     """Return the expectation with its phase, in its metric's unit; what cannot be converted is added to `findings`."""
-    if expectation.metric not in plugins.kinds("metrics"):
+    if expectation.metric not in plugins.kind_names("metrics"):
         return expectation
-    unit = plugins.load("metrics", expectation.metric).unit
+    unit = plugins.load_kind("metrics", expectation.metric).unit
     expectation = replace(expectation, phase=expectation.phase or ALL_PHASES)
     for name in ("below", "above"):
         value = getattr(expectation, name)
@@ -84,5 +86,5 @@ def complete_expectation(expectation: Expectation, index: int, findings: list[Fi
             try:
                 expectation = replace(expectation, **{name: quantity(value, unit)})
             except ValueError as error:
-                findings.append(Finding(("expect", index, name), str(error)))
+                findings.append(SchemaFinding(("expect", index, name), str(error)))
     return expectation

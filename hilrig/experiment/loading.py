@@ -11,11 +11,11 @@ from typing import Any
 from hilrig.core.errors import ExperimentError, Place, Problem
 from hilrig.core.quantities import shortened, shown
 from hilrig.experiment import document
-from hilrig.experiment.crosscheck import completed
+from hilrig.experiment.crosscheck import cross_checked
 from hilrig.experiment.document import Document, Keys
 from hilrig.experiment.model import Experiment
 from hilrig.experiment.overrides import override
-from hilrig.experiment.schema import Context, Finding, InvalidError, json_schema, read
+from hilrig.experiment.schema import Context, InvalidError, SchemaFinding, json_schema, read_record
 
 STUDY_KEYS = ("claims", "experiments")
 EXPERIMENT_KEYS = ("driver", "task", "phases", "controllers")
@@ -27,15 +27,15 @@ def load(path: Path, overrides: Iterable[str] = ()) -> Experiment:
 
     Raises ExperimentError with everything that is wrong, each with its place.
     """
-    source = document.read(Path(path))
+    source = document.read_document(Path(path))
     if is_study(source):
         message = f"this is a study, not an experiment; type: hilrig reproduce {shlex.quote(str(path))}"
         raise ExperimentError([Problem(Place(str(path)), message)])
     for text in overrides:
         source = override(source, text)
     try:
-        experiment = read(Experiment, source.data, Context(Path(path).resolve().parent))
-        return replace(completed(experiment), source=source)
+        experiment = read_record(Experiment, source.data, Context(Path(path).resolve().parent))
+        return replace(cross_checked(experiment), source=source)
     except InvalidError as error:
         raise ExperimentError(problems(error.findings, source)) from error
 
@@ -55,13 +55,13 @@ def experiment_schema() -> dict[str, Any]:
     return json_schema(Experiment)
 
 
-def problems(findings: Iterable[Finding], source: Document) -> list[Problem]:
+def problems(findings: Iterable[SchemaFinding], source: Document) -> list[Problem]:
     """Return the findings as problems, each with its place, in the order of the file."""
     problems = [Problem(source.place(*found.path, key=found.on_key), _as_written(found, source)) for found in findings]
     return sorted(problems, key=lambda problem: (problem.place or Place("", 0, 0))[1:])
 
 
-def _as_written(found: Finding, source: Document) -> str:
+def _as_written(found: SchemaFinding, source: Document) -> str:
     """Return the message with the value as it stands in the file: 1e-3, not 0.001."""
     value, written = _at(source.data, found.path), source.written.get(found.path)
     if written is None or isinstance(value, (str, bool)) or value is None or shortened(written) != written:

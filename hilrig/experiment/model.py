@@ -30,7 +30,7 @@ class ImpedanceSpec:
 
 
 @dataclass(frozen=True)
-class Task:
+class TaskSection:
     """What is controlled along which axis, and with which desired dynamics."""
 
     force_axes: Annotated[tuple[str, ...], Parameter("", "axes that are force-controlled; the others follow positions")]
@@ -85,7 +85,7 @@ class Experiment:
     name: Annotated[str, Parameter("", "name of the experiment, usable as the name of a folder")]
     question: Annotated[str, Parameter("", "what the experiment is to answer")]
     driver: Annotated[Driver, Parameter("", "the plant: robot, surface, actuation")]
-    task: Annotated[Task, Parameter("", "axes and desired dynamics")]
+    task: Annotated[TaskSection, Parameter("", "axes and desired dynamics")]
     phases: Annotated[tuple[Phase, ...], Parameter("", "one after the other")]
     controllers: Annotated[Mapping[str, Controller], Parameter("", "what is compared, by name")]
     conditions: Annotated[

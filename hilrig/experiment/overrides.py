@@ -13,7 +13,7 @@ from hilrig.experiment.model import Experiment
 
 SECTIONS = tuple(field.name for field in fields(Experiment) if field.name != "source")
 """What an experiment file may hold"""
-NAMED = (("controllers",), ("conditions",))
+USER_NAMED = (("controllers",), ("conditions",))
 """Mappings whose names the user chose: an override changes what is there, and adds nothing"""
 
 
@@ -48,7 +48,7 @@ def _resolved(data: Any, names: list[str], file: str) -> Keys:
             last = depth == len(names) - 1
             if depth == 0 and name not in SECTIONS:
                 raise _error(file, f"there is no '{name}' in an experiment{nearest(name, SECTIONS)}")
-            if name not in data and path in NAMED:
+            if name not in data and path in USER_NAMED:
                 there = ", ".join(data) or "nothing"
                 message = f"there is no '{name}' in {_dotted(path)}{nearest(name, data)} (there: {there})"
                 raise _error(file, message)

@@ -24,7 +24,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from hilrig.core.errors import PluginError, describe, nearest
+from hilrig.core.errors import PluginError, describe_error, nearest
 from hilrig.core.interfaces import Controller, Disturbance, Driver, Metric, ReferenceSignal, Robot
 from hilrig.core.parameters import plain
 from hilrig.kinds.user_files import code_of, place_of, read_bytes, run_file
@@ -43,12 +43,12 @@ _USER_MODULE = "hilrig_user_"
 _MISSING = dataclasses.MISSING
 
 
-def kinds(group: str) -> tuple[str, ...]:
+def kind_names(group: str) -> tuple[str, ...]:
     """Return the names of all kinds of `group`, built in or from installed packages, sorted."""
     return tuple(sorted({*_built_in(group), *_entry_points(group)}))
 
 
-def load(group: str, kind: str, base: Path | None = None) -> type:
+def load_kind(group: str, kind: str, base: Path | None = None) -> type:
     """Return the class of a kind.
 
     `kind` is a name of `kinds(group)` or the path of a Python file; `base` is the folder a relative path
@@ -120,7 +120,7 @@ def restore(group: str, document: Mapping[str, Any]) -> Any:
     kind = document.get("kind")
     if not isinstance(kind, str):
         raise PluginError(f"a record of one of the {group} names no kind")
-    return _build(load(group, kind), {key: item for key, item in document.items() if key != "kind"})
+    return _build(load_kind(group, kind), {key: item for key, item in document.items() if key != "kind"})
 
 
 def _is_kind(cls: type) -> bool:
@@ -202,13 +202,13 @@ def _by_name(group: str, kind: str) -> type:
     elif kind in entries:
         module, attribute = entries[kind].module, entries[kind].attr
     else:
-        choices = kinds(group)
+        choices = kind_names(group)
         listed = ", ".join(choices) or "none installed"
         raise PluginError(f"no kind '{kind}' of {group}{nearest(kind, choices)} (known: {listed})")
     try:
         loaded = importlib.import_module(module)
     except (Exception, SystemExit) as error:
-        raise PluginError(f"the kind '{kind}' of {group} cannot be imported: {describe(error)}") from error
+        raise PluginError(f"the kind '{kind}' of {group} cannot be imported: {describe_error(error)}") from error
     cls = getattr(loaded, attribute, None) if attribute else _only_class(loaded, module)
     if not isinstance(cls, type) or not dataclasses.is_dataclass(cls):
         raise PluginError(f"the kind '{kind}' of {group} is {module}:{attribute}, which is not a dataclass")

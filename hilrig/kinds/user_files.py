@@ -15,14 +15,14 @@ from typing import Any
 
 from hilrig.core.errors import HilrigError, PluginError, authors_line, one_line, raised
 
-MAX_BYTES = 64 << 20
+MAX_FILE_BYTES = 64 << 20
 
 
 def read_bytes(path: Path) -> bytes:
     """Return what a file holds. Raises PluginError for what is not a file, or cannot be one that people wrote."""
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise PluginError(f"{path} is larger than {MAX_BYTES >> 20} MiB")
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise PluginError(f"{path} is larger than {MAX_FILE_BYTES >> 20} MiB")
         if not path.is_file():  # a pipe or a device need not end
             raise PluginError(f"{path} is not a regular file")
         return path.read_bytes()

@@ -172,7 +172,7 @@ def ending(outcome: Mapping[str, Any]) -> str:
     return INVALID if counts and outcome.get("invalid_because") else outcome["outcome"]
 
 
-def reason(outcome: Mapping[str, Any]) -> str:
+def reason_of(outcome: Mapping[str, Any]) -> str:
     """Return why a trial ended as `ending` says, in one line; empty if it completed and is valid."""
     if ending(outcome) != INVALID:
         return outcome.get("reason", "")
@@ -189,9 +189,9 @@ def _outcome(run: Path, trial: str) -> dict[str, Any]:
         damage = {"outcome": DAMAGED, "reason": "it completed, but its bag.mcap has since been cut or removed"}
         return outcome if whole else {**outcome, **damage}
     begun = folder.is_dir()
-    reason = f"the run ended before this trial {'did' if begun else 'began'}"
+    reason_of = f"the run ended before this trial {'did' if begun else 'began'}"
     return {
-        "trial": trial, "outcome": "aborted" if begun else "not run", "reason": reason, "ticks": 0, "channels": {},
+        "trial": trial, "outcome": "aborted" if begun else "not run", "reason": reason_of, "ticks": 0, "channels": {},
     }  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from hilrig.recording.certificate.attribution import attribute
 from hilrig.recording.certificate.budget import violations
 from hilrig.recording.certificate.durations import Terms, durations
 from hilrig.recording.certificate.histogram import histogram, quantiles
-from hilrig.recording.certificate.table import Columns, join
+from hilrig.recording.certificate.table import StampColumns, join
 
 Setup = Mapping[str, Mapping[str, Mapping[str, Any]]]
 """process -> setting -> {"wanted", "applied", "reason"}"""
@@ -29,7 +29,7 @@ def terms_of(document: Mapping[str, Any]) -> Terms:
 def certify(
     terms: Terms,
     budget: TimingBudget,
-    channels: Mapping[str, Columns],
+    channels: Mapping[str, StampColumns],
     setup: Setup | None = None,
     one_clock: bool = True,
 ) -> dict[str, Any]:

@@ -3,6 +3,6 @@
 from hilrig.report.junit import junit_xml
 from hilrig.report.making import make_report, write_report
 from hilrig.report.measuring import measure_run
-from hilrig.report.run_difference import compare, render
+from hilrig.report.run_difference import compare_runs, render
 
-__all__ = ["compare", "junit_xml", "make_report", "measure_run", "render", "write_report"]
+__all__ = ["compare_runs", "junit_xml", "make_report", "measure_run", "render", "write_report"]

@@ -19,7 +19,7 @@ from hilrig.report.saving import data_uri
 SECONDS, RATE = 3.0, 15
 WIDTH, HEIGHT = 400, 300
 STRIP = 5
-COLOURS = 96
+SCENE_COLOURS = 96
 
 
 def animation(scene: tuple[TrialEntry, Array] | None, folder: Path) -> Shown:
@@ -32,7 +32,7 @@ def animation(scene: tuple[TrialEntry, Array] | None, folder: Path) -> Shown:
     trial, joints = scene
     kind = trial.document["driver"]["kind"]
     try:
-        if not hasattr(plugins.load("drivers", kind), "render"):
+        if not hasattr(plugins.load_kind("drivers", kind), "render"):
             return _none(f"No animation: the driver {kind} cannot draw its robot.")
         driver: Any = plugins.restore("drivers", dict(trial.document["driver"]))
         rows = _rows(trial, joints.shape[0])
@@ -63,7 +63,7 @@ def _rows(trial: TrialEntry, ticks: int) -> np.ndarray:
 
 def _gif(pictures: list[Image.Image]) -> bytes:
     """Return a looping GIF with one palette for all frames."""
-    palette = pictures[0].quantize(COLOURS, dither=Image.Dither.NONE)
+    palette = pictures[0].quantize(SCENE_COLOURS, dither=Image.Dither.NONE)
     frames = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     file = io.BytesIO()
     frames[0].save(file, "GIF", save_all=True, append_images=frames[1:], duration=1000 // RATE, loop=0)

@@ -126,7 +126,7 @@ def _close(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (a == b) | (np.isfinite(a) & np.isfinite(b) & near)
 
 
-def summarise(metrics: pd.DataFrame) -> pd.DataFrame:
+def summarise_metrics(metrics: pd.DataFrame) -> pd.DataFrame:
     """Return mean, sample standard deviation and number of repeats by condition, phase, metric, axis, controller.
 
     The deviation is NaN for a single repeat or where a value is not finite.

@@ -25,7 +25,7 @@ class Curve(NamedTuple):
     style: Style
 
 
-class Limits(NamedTuple):
+class AxisLimits(NamedTuple):
     """The range of a panel's vertical axis, and notes on what lies outside it."""
 
     low: float
@@ -46,13 +46,13 @@ def thin(time: Array, values: Array, buckets: int = BUCKETS) -> tuple[Array, Arr
     return time[rows], values[rows]
 
 
-def window(curve: Curve, start: float, end: float) -> Curve:
+def curve_window(curve: Curve, start: float, end: float) -> Curve:
     """Return the part of a curve with start <= t <= end."""
     first, last = np.searchsorted(curve.time, [start - 1e-9, end + 1e-9])
     return curve._replace(time=curve.time[first:last], values=curve.values[first:last])
 
 
-def limits(curves: list[Curve], unit: str, reference: Array | None = None) -> Limits:
+def limits(curves: list[Curve], unit: str, reference: Array | None = None) -> AxisLimits:
     """Return a range that covers every finite value of every curve, and of `reference`.
 
     The exception is one curve that goes `RUNAWAY` times further than all others, and would flatten them to a line. Then
@@ -64,7 +64,7 @@ def limits(curves: list[Curve], unit: str, reference: Array | None = None) -> Li
     shown = [(c.label, f) for c, f in zip(curves, finite, strict=True) if f.size]
     fixed = [] if reference is None or reference.size == 0 else [reference]
     if not shown:
-        return Limits(-1.0, 1.0, tuple(notes))
+        return AxisLimits(-1.0, 1.0, tuple(notes))
     centre = float(np.median(np.concatenate([*fixed, *(f for _, f in shown)])))
     reach = sorted(((float(np.max(np.abs(f - centre))), label, f) for label, f in shown), key=lambda item: item[0])
     kept = [*fixed, *(f for _, f in shown)]
@@ -74,4 +74,4 @@ def limits(curves: list[Curve], unit: str, reference: Array | None = None) -> Li
         notes.append(f"{label} goes off the axis: {values.min():.3g} to {values.max():.3g} {unit}".rstrip())
     low, high = min(float(k.min()) for k in kept), max(float(k.max()) for k in kept)
     margin = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
-    return Limits(low - margin, high + margin, tuple(notes))
+    return AxisLimits(low - margin, high + margin, tuple(notes))

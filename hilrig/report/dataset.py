@@ -16,7 +16,7 @@ from hilrig.experiment.trial import TaskSpec, make_impedance
 from hilrig.kinds.metrics._record import PhaseRecord
 from hilrig.recording.bag import read_bag
 from hilrig.recording.certificate.durations import late_ticks
-from hilrig.recording.certificate.table import Table, join
+from hilrig.recording.certificate.table import StampTable, join
 from hilrig.recording.messages.codec import definition
 from hilrig.recording.run_directory import (
     ending,
@@ -29,10 +29,10 @@ from hilrig.recording.run_directory import (
 )
 from hilrig.recording.timing import terms_of
 
-CHANNELS = ("truth", "command", "internals", "driver_timing", "controller_timing")
+SIGNAL_CHANNELS = ("truth", "command", "internals", "driver_timing", "controller_timing")
 """The channels that a report needs; where the driver does not know the truth, the state takes its place"""
 
-Document = Mapping[str, Any]
+JsonDocument = Mapping[str, Any]
 Channels = dict[str, dict[str, np.ndarray]]
 
 
@@ -41,10 +41,10 @@ class TrialEntry:
     """One planned trial: its document in plan.json, and how the rig says it ended."""
 
     folder: Path
-    document: Document
-    outcome: Document
+    document: JsonDocument
+    outcome: JsonDocument
     """As `read_outcome` returns it"""
-    timing: Document
+    timing: JsonDocument
     """Content of timing.json; empty if there is none"""
 
     @property
@@ -88,11 +88,11 @@ class RunData:
     """The documents of a run directory; the bags stay on disk."""
 
     path: Path
-    experiment: Document
-    manifest: Document
+    experiment: JsonDocument
+    manifest: JsonDocument
     trials: tuple[TrialEntry, ...]
     experiment_text: str
-    bounds: Document
+    bounds: JsonDocument
     """Which bounds the plan keeps, by controller and of the task; empty in a plan made before it said so"""
 
     @property
@@ -136,7 +136,7 @@ def load_run(path: Path) -> RunData:
     )
 
 
-def _entry(path: Path, document: Document) -> TrialEntry:
+def _entry(path: Path, document: JsonDocument) -> TrialEntry:
     folder = trial_path(path, document["id"])
     timing = folder / "timing.json"
     outcome = read_outcome(path, document["id"])
@@ -151,11 +151,11 @@ def read_signals(trial: TrialEntry) -> TrialSignals | None:
 def read_channels(trial: TrialEntry) -> Channels:
     """Return the channels in one trial's bag that a report needs; empty if there is no bag."""
     bag = trial.folder / "bag.mcap"
-    channels = read_bag(bag, CHANNELS) if bag.exists() else {}
+    channels = read_bag(bag, SIGNAL_CHANNELS) if bag.exists() else {}
     return channels if "truth" in channels or not channels else {**channels, **read_bag(bag, ("state",))}
 
 
-def align(channels: Channels, document: Document) -> TrialSignals | None:
+def align(channels: Channels, document: JsonDocument) -> TrialSignals | None:
     """Return a bag's channels at their common ticks, named as the metrics need them; None for fewer than 2 ticks."""
     plant = "truth" if "truth" in channels else "state"
     needed = [name for name in (plant, "command", "internals") if name in channels]
@@ -180,13 +180,13 @@ def _pick(channel: dict[str, np.ndarray], ticks: np.ndarray) -> dict[str, np.nda
     return {name: values[rows] for name, values in channel.items()}
 
 
-def timing_table(channels: Channels, one_clock: bool = True) -> Table | None:
+def timing_table(channels: Channels, one_clock: bool = True) -> StampTable | None:
     """Return the time stamps of a trial by tick; None if its bag has none, like that of a compiled trial."""
     driver = channels.get("driver_timing")
     return None if driver is None else join(driver, channels.get("controller_timing"), one_clock)
 
 
-def _late(channels: Channels, document: Document, ticks: np.ndarray) -> Array:
+def _late(channels: Channels, document: JsonDocument, ticks: np.ndarray) -> Array:
     """Return how many ticks were late by the driver's stamps since the one before in `ticks`, (N,)."""
     table = timing_table(channels)
     if table is None:
@@ -210,7 +210,7 @@ def _record(
     source: dict[str, np.ndarray],
     wrench: np.ndarray,
     axes: tuple[str, ...],
-    document: Document,
+    document: JsonDocument,
     late: Array,
 ) -> PhaseRecord:
     internals, time = picked["internals"], picked["command"]["time"]

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from hilrig.recording.run_directory import INVALID, reason
+from hilrig.recording.run_directory import INVALID, reason_of
 from hilrig.report.comparison import LEAST_PAIRS, Difference, paired_difference
 from hilrig.report.dataset import TrialEntry
 
@@ -80,7 +80,7 @@ class _Seen(NamedTuple):
     basis: str
 
 
-def judge(
+def judge_expectations(
     expectations: Sequence[Mapping[str, Any]], metrics: pd.DataFrame, trials: Sequence[TrialEntry]
 ) -> list[Expected]:
     """Judge the expectations, which are as in plan.json; return each with the value that decides it.
@@ -114,7 +114,7 @@ def _ending(trial: TrialEntry, number: int) -> str:
     """Return which trial it is, of how many, and why and when it ended."""
     outcome, first = trial.outcome, f", first of {number}" if number > 1 else ""
     # The text of a failure names files on this machine; the reason of a trip contains its time.
-    why = "see its log" if trial.ending == "failed" else reason(outcome) or trial.ending
+    why = "see its log" if trial.ending == "failed" else reason_of(outcome) or trial.ending
     ticks = outcome.get("ticks", 0)
     when = (
         ""

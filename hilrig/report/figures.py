@@ -5,7 +5,7 @@ from __future__ import annotations
 from hilrig.report.panels import (
     TOP,
     Drawn,
-    Picture,
+    PanelPicture,
     canvas,
     caption,
     controller_curves,
@@ -19,13 +19,13 @@ from hilrig.report.plotted import QUANTITIES
 from hilrig.report.plotting import figure_style
 
 
-def comparison_figures(drawn: Drawn) -> list[Picture]:
+def comparison_figures(drawn: Drawn) -> list[PanelPicture]:
     """Return the figures that compare the controllers, in the order of the page."""
     with figure_style():
         return [*(picture for name in QUANTITIES for picture in _over_time(name, drawn)), _effort(drawn)]
 
 
-def _over_time(name: str, drawn: Drawn) -> list[Picture]:
+def _over_time(name: str, drawn: Drawn) -> list[PanelPicture]:
     """Return the figures of one quantity, one for each axis that has it."""
     title, label, unit, values, reference = QUANTITIES[name]
     longest = max((signals.record for _, signals in drawn.trials.values()), key=lambda record: record.time.size)
@@ -40,7 +40,7 @@ def _over_time(name: str, drawn: Drawn) -> list[Picture]:
     ]  # fmt: skip
 
 
-def _effort(drawn: Drawn) -> Picture:
+def _effort(drawn: Drawn) -> PanelPicture:
     """Return the figure of the commanded torque, with a panel for each joint."""
     joints = drawn.some.record.torque.shape[1]
     named = legend(drawn, False)
@@ -53,4 +53,6 @@ def _effort(drawn: Drawn) -> Picture:
         mark_phases(axes, drawn)
         axes.set_xlabel("time [s]", labelpad=1.5)
     name_curves(figure, named)
-    return Picture("effort", "Control effort", caption(drawn, "Commanded joint torque, after limits.", notes), figure)
+    return PanelPicture(
+        "effort", "Control effort", caption(drawn, "Commanded joint torque, after limits.", notes), figure
+    )

@@ -11,12 +11,12 @@ from hilrig.core.errors import HilrigError
 from hilrig.kinds import registry as plugins
 from hilrig.report.curves import Curve, limits
 from hilrig.report.dataset import TrialEntry, TrialSignals
-from hilrig.report.panels import Picture, canvas, draw
+from hilrig.report.panels import PanelPicture, canvas, draw
 from hilrig.report.plotting import Axes, figure_style
 from hilrig.report.style import COLOURS, Style
 
-COLUMNS = 3
-NAMED = 6
+INTERNALS_COLUMNS = 3
+NAMED_FIELDS = 6
 """Up to this number of components are named in a panel; more are drawn, and their number is given"""
 
 _DOCUMENTED = re.compile(r"^.*,\s*\([^()]*\)\s*(?P<unit>.*)$", re.DOTALL)
@@ -29,7 +29,9 @@ def memory_documents(kind: str) -> dict[str, str]:
     loaded or has no such class.
     """
     try:
-        modules = dict.fromkeys(inspect.getmodule(cls) for cls in inspect.getmro(plugins.load("controllers", kind)))
+        modules = dict.fromkeys(
+            inspect.getmodule(cls) for cls in inspect.getmro(plugins.load_kind("controllers", kind))
+        )
         trees = [ast.parse(inspect.getsource(module)) for module in modules if module and module.__name__ != "builtins"]
     except (HilrigError, OSError, TypeError, SyntaxError):
         return {}
@@ -50,22 +52,22 @@ def unit_of(document: str) -> str | None:
     return match["unit"].strip().rstrip(".") if match else None
 
 
-def internals_figure(trial: TrialEntry, signals: TrialSignals) -> Picture | None:
+def internals_figure(trial: TrialEntry, signals: TrialSignals) -> PanelPicture | None:
     """Return a figure with one panel for every field of the law's memory; None if the law has none."""
     fields = signals.internals
     if not fields:
         return None
     documents = memory_documents(trial.document["controller"]["kind"])
     with figure_style():
-        rows = -(-len(fields) // COLUMNS)
-        figure, grid = canvas(rows, COLUMNS, 1.25, 1.25, top=0.25, between=0.42)
+        rows = -(-len(fields) // INTERNALS_COLUMNS)
+        figure, grid = canvas(rows, INTERNALS_COLUMNS, 1.25, 1.25, top=0.25, between=0.42)
         notes: list[str] = []
         for k, name in enumerate(fields):
-            axes = figure.add_subplot(grid[k // COLUMNS, k % COLUMNS])
+            axes = figure.add_subplot(grid[k // INTERNALS_COLUMNS, k % INTERNALS_COLUMNS])
             notes += _memory_panel(axes, name, signals, documents.get(name, ""))
     caption = f"Repeat {trial.repeat}. All {len(fields)} fields of the law's memory."
     text = " ".join([caption, *(f"{note}." for note in notes)])
-    return Picture(f"internals_{trial.controller}", f"Internals of {trial.controller}", text, figure)
+    return PanelPicture(f"internals_{trial.controller}", f"Internals of {trial.controller}", text, figure)
 
 
 def _memory_panel(axes: Axes, name: str, signals: TrialSignals, document: str) -> tuple[str, ...]:
@@ -86,7 +88,7 @@ def _memory_panel(axes: Axes, name: str, signals: TrialSignals, document: str) -
     axes.set(xlim=(record.time[0], record.time[-1]), ylim=(low, high))
     axes.set_ylabel(f"[{unit}]" if unit else "[–]" if unit == "" else "[SI, not stated]", labelpad=2)
     axes.set_xlabel("time [s]", labelpad=1.5)
-    many = f" ({count} components)" if count > NAMED else ""
+    many = f" ({count} components)" if count > NAMED_FIELDS else ""
     axes.set_title(name.replace("_", " ") + many, loc="left", pad=3)
     _name_components(axes, list(labels))
     return bounds.notes
@@ -94,7 +96,7 @@ def _memory_panel(axes: Axes, name: str, signals: TrialSignals, document: str) -
 
 def _name_components(axes: Axes, labels: list[str]) -> None:
     """Name the components at the panel's upper right, in their colours, if there are few."""
-    if not 1 < len(labels) <= NAMED:
+    if not 1 < len(labels) <= NAMED_FIELDS:
         return
     for i, label in enumerate(reversed(labels)):
         axes.annotate(label, (1.0, 1.0), xycoords="axes fraction", xytext=(-10 * i, 3), textcoords="offset points",

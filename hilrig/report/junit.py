@@ -10,7 +10,7 @@ import re
 from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
-from hilrig.recording.run_directory import reason
+from hilrig.recording.run_directory import reason_of
 from hilrig.report.dataset import RunData, TrialEntry
 from hilrig.report.expectations import Expected
 
@@ -41,7 +41,7 @@ def _trial(name: str, trial: TrialEntry, as_expected: bool) -> ET.Element:
     case = _case(f"{name}.trials", trial.id, trial.outcome.get("wall_s", 0.0))
     if not trial.counts and not as_expected:
         outcome = trial.ending
-        _fail(case, outcome, f"{outcome}: {reason(trial.outcome)}")
+        _fail(case, outcome, f"{outcome}: {reason_of(trial.outcome)}")
     return case
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from hilrig.report.plotting import Figure, FontProperties, Line2D, TextPath
 from hilrig.report.style import RC, REFERENCE, Style
 
-MOST = 6
+MOST_ENTRIES = 6
 """Most names in a row"""
 SPACING, PAD = 1.6, 0.8
 """Space between two columns, and between a line and its name, in heights of the font"""
@@ -36,7 +36,7 @@ class Legend(NamedTuple):
 def legend_of(styles: dict[str, Style], reference: bool, width: float) -> Legend:
     """Return the legend with the most columns that fit into `width` inches, at least one."""
     names = ["reference"] * reference + list(styles)
-    for columns in range(min(MOST, len(names)), 1, -1):
+    for columns in range(min(MOST_ENTRIES, len(names)), 1, -1):
         if _width(names, columns) <= width:
             return Legend(styles, reference, columns)
     return Legend(styles, reference, 1)

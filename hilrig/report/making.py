@@ -14,7 +14,7 @@ from hilrig.recording.run_directory import make_directory, write_json
 from hilrig.recording.timing import terms_of
 from hilrig.report.animation import animation
 from hilrig.report.bounds_section import bounds_section
-from hilrig.report.comparison import summarise, verdicts
+from hilrig.report.comparison import summarise_metrics, verdicts
 from hilrig.report.dataset import TrialEntry
 from hilrig.report.figures import comparison_figures
 from hilrig.report.internals import internals_figure
@@ -50,7 +50,7 @@ def write_report(measured: Measured, out: Path | None = None) -> Path:
     metrics.to_csv(folder / "metrics.csv", index=False)
     judged = verdicts(metrics)
     content = Content(
-        data, metrics, summarise(metrics), judged, measured.expected, _figures(measured, folder),
+        data, metrics, summarise_metrics(metrics), judged, measured.expected, _figures(measured, folder),
         animation(_scene(measured), folder), measured.sources, folder, bounds_section(data, measured.command_ages),
         timing_section(data), _timing_figures(measured, folder),
     )  # fmt: skip

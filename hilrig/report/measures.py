@@ -16,9 +16,9 @@ from hilrig.kinds import registry as plugins
 from hilrig.kinds.metrics._record import PhaseRecord
 from hilrig.report.dataset import TrialEntry, TrialSignals
 
-COLUMNS = ("trial", "controller", "condition", "repeat", "phase", "metric", "axis", "value", "unit")
+METRIC_COLUMNS = ("trial", "controller", "condition", "repeat", "phase", "metric", "axis", "value", "unit")
 
-_TYPES: Any = {**dict.fromkeys(COLUMNS, str), "repeat": int, "value": float}
+_TYPES: Any = {**dict.fromkeys(METRIC_COLUMNS, str), "repeat": int, "value": float}
 
 _OVER_TIME = (
     "tick", "time", "position", "velocity", "acceleration", "force", "reference_position", "reference_velocity",
@@ -28,7 +28,7 @@ _OVER_TIME = (
 
 def all_metrics() -> dict[str, Metric]:
     """Return every metric with its default parameters, by kind."""
-    return {kind: plugins.load("metrics", kind, None)() for kind in plugins.kinds("metrics")}
+    return {kind: plugins.load_kind("metrics", kind, None)() for kind in plugins.kind_names("metrics")}
 
 
 def spans(record: PhaseRecord, phases: list[Mapping[str, Any]]) -> Iterator[tuple[str, PhaseRecord]]:
@@ -49,7 +49,7 @@ def _cut(record: PhaseRecord, first: int, last: int) -> PhaseRecord:
     return dataclasses.replace(record, phases=1, reference_step=step, **changed)
 
 
-def measure(trial: TrialEntry, signals: TrialSignals, metrics: Mapping[str, Metric]) -> list[tuple[Any, ...]]:
+def measure_trial(trial: TrialEntry, signals: TrialSignals, metrics: Mapping[str, Metric]) -> list[tuple[Any, ...]]:
     """Return the rows of one trial, in the order of `COLUMNS`."""
     head = (trial.id, trial.controller, trial.condition, trial.repeat)
     return [
@@ -62,7 +62,7 @@ def measure(trial: TrialEntry, signals: TrialSignals, metrics: Mapping[str, Metr
 
 def table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
     """Return the tidy table with these rows."""
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    return pd.DataFrame(rows, columns=list(METRIC_COLUMNS))
 
 
 def read_table(text: Any) -> pd.DataFrame:
@@ -71,6 +71,6 @@ def read_table(text: Any) -> pd.DataFrame:
         found = pd.read_csv(text, dtype=_TYPES, keep_default_na=False, na_values={"value": ["nan", "NaN", ""]})
     except ValueError as error:
         raise RunDirectoryError(f"{text}: not a table of metrics ({error})") from error
-    if missing := set(COLUMNS) - set(found.columns):
+    if missing := set(METRIC_COLUMNS) - set(found.columns):
         raise RunDirectoryError(f"{text}: not a table of metrics, the column '{min(missing)}' is missing")
     return found

@@ -12,14 +12,14 @@ import pandas as pd
 
 from hilrig.core.signals import Array
 from hilrig.recording.certificate.durations import command_age
-from hilrig.recording.certificate.table import NS, Table
+from hilrig.recording.certificate.table import NS, StampTable
 from hilrig.recording.run_directory import DAMAGED
 from hilrig.recording.timing import terms_of
 from hilrig.report.dataset import RunData, TrialEntry, TrialSignals, align, load_run, read_channels, timing_table
-from hilrig.report.expectations import Expected, judge
-from hilrig.report.measures import all_metrics, measure, table
+from hilrig.report.expectations import Expected, judge_expectations
+from hilrig.report.measures import all_metrics, measure_trial, table
 
-Drawn = Mapping[str, Mapping[str, TrialEntry]]
+MeasuredRun = Mapping[str, Mapping[str, TrialEntry]]
 """Trials to be drawn: condition -> controller -> trial"""
 
 
@@ -30,7 +30,7 @@ class Kept:
     signals: TrialSignals
     joints: Any
     """Joint positions, (N, n) rad"""
-    table: Table | None
+    table: StampTable | None
     """The time stamps of its ticks in real time; None if it has none"""
 
 
@@ -44,8 +44,8 @@ class Measured:
     expected: list[Expected]
     sources: list[str]
     """Where positions and forces come from: "truth", "measurement" or both; empty if no trial left a usable bag"""
-    drawn: Drawn
-    most_late: Drawn
+    drawn: MeasuredRun
+    most_late: MeasuredRun
     """The repeats with the most late ticks, whose lateness is drawn; empty in lockstep"""
     kept: Mapping[str, Kept]
     """By trial id, for those in `drawn` and `most_late` that left a usable bag"""
@@ -78,7 +78,7 @@ def measure_run(run: Path, to_draw: bool = False) -> Measured:
     return Measured(
         data=data,
         metrics=metrics,
-        expected=judge(data.experiment.get("expect") or [], metrics, data.trials),
+        expected=judge_expectations(data.experiment.get("expect") or [], metrics, data.trials),
         sources=sorted({read.source for read in reads.values()}),
         drawn=drawn,
         most_late=most_late,
@@ -95,7 +95,7 @@ def _command_ages(data: RunData, reads: Mapping[str, _Read]) -> dict[str, list[A
     return found
 
 
-def _first_repeats(data: RunData) -> Drawn:
+def _first_repeats(data: RunData) -> MeasuredRun:
     """Return, for each condition and controller, the first repeat that is compared, or else the first of all."""
     chosen: dict[str, dict[str, TrialEntry]] = {condition: {} for condition in data.conditions}
     for trial in sorted(data.trials, key=lambda trial: (not trial.counts, trial.repeat)):
@@ -106,7 +106,7 @@ def _first_repeats(data: RunData) -> Drawn:
     }
 
 
-def _most_late(data: RunData) -> Drawn:
+def _most_late(data: RunData) -> MeasuredRun:
     """Return, for each condition and controller in real time, the repeat with the most late ticks."""
     chosen: dict[str, dict[str, TrialEntry]] = {}
     for trial in sorted(data.trials, key=lambda trial: (-trial.timing.get("late", 0), trial.repeat)):
@@ -129,7 +129,7 @@ def _read(trial: TrialEntry, keep: bool) -> _Read | None:
     signals = align(channels, trial.document)
     if signals is None:
         return None
-    rows = measure(trial, signals, all_metrics()) if trial.counts else []
+    rows = measure_trial(trial, signals, all_metrics()) if trial.counts else []
     joints = channels["truth" if "truth" in channels else "state"]["joint_position"]
     realtime = terms_of(trial.document).realtime
     stamps = timing_table(channels, trial.timing.get("one_clock", True)) if realtime else None

@@ -13,14 +13,14 @@ import pandas as pd
 from jinja2 import Environment, StrictUndefined
 
 from hilrig.experiment.expecting import ended_early
-from hilrig.recording.run_directory import INVALID, reason
+from hilrig.recording.run_directory import INVALID, reason_of
 from hilrig.report.bounds_section import BoundsSection
 from hilrig.report.comparison import Verdict
 from hilrig.report.dataset import RunData
 from hilrig.report.expectations import Expected
 from hilrig.report.measures import all_metrics
 from hilrig.report.timing_section import TimingSection
-from hilrig.report.verdict_table import Cell, answer, metric_title, verdict_tables
+from hilrig.report.verdict_table import Cell, answer_question, metric_title, verdict_tables
 
 STYLE = resources.files("hilrig.report").joinpath("page.css").read_text("utf-8")
 """The look of every page: CSS"""
@@ -71,7 +71,7 @@ def render_page(content: Content) -> str:
     """Return the page as HTML."""
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     environment.filters["number"] = number
-    environment.filters["reason"] = reason
+    environment.filters["reason"] = reason_of
     environment.filters["metric"] = metric_title
     template = environment.from_string(resources.files("hilrig.report").joinpath("page.html.j2").read_text("utf-8"))
     run, manifest = content.run, content.run.manifest
@@ -107,7 +107,7 @@ def _answer(content: Content) -> list[str]:
         invalid = any(trial.ending == INVALID for trial in content.run.trials)
         none = "No trial completed within its timing budget" if invalid else "No trial completed"
         return [f"{none}, so there is nothing to compare."]
-    return answer(content.verdicts, content.summary, content.run.controllers)
+    return answer_question(content.verdicts, content.summary, content.run.controllers)
 
 
 def number(value: float | None, digits: int = 3) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hilrig.core.signals import Array
-from hilrig.report.curves import Curve, limits, thin, window
+from hilrig.report.curves import Curve, curve_window, limits, thin
 from hilrig.report.dataset import TrialEntry, TrialSignals
 from hilrig.report.legend import Legend, draw_legend, legend_of
 from hilrig.report.plotting import Axes, Figure, withStroke
@@ -49,7 +49,7 @@ class Drawn:
 
 
 @dataclass(frozen=True)
-class Picture:
+class PanelPicture:
     """A finished figure."""
 
     name: str
@@ -85,7 +85,7 @@ def with_zoom(
     unit: str,
     curves: list[Curve],
     reference: tuple[Array, Array] | None,
-) -> Picture:
+) -> PanelPicture:
     """Return a figure with the whole trial above and the enlarged intervals below."""
     stretches = zoom_windows(drawn.phases, drawn.end)
     columns = min(3, len(stretches))
@@ -97,14 +97,14 @@ def with_zoom(
     mark_phases(whole, drawn)
     for k, (label, start, end) in enumerate(stretches):
         axes = figure.add_subplot(grid[1 + k // columns, k % columns])
-        cut = [window(curve, start, end) for curve in curves]
+        cut = [curve_window(curve, start, end) for curve in curves]
         notes += panel(axes, cut, reference, f"{quantity} [{unit}]" if k % columns == 0 else "", unit, (start, end))
         axes.set_title(f"{label}", loc="left", color="#444444", pad=3)
         whole.axvspan(start, end, color="#000000", alpha=0.045, linewidth=0)
     for axes in figure.axes:
         axes.set_xlabel("time [s]", labelpad=1.5)
     name_curves(figure, named)
-    return Picture(name, title, caption(drawn, "The grey intervals are enlarged below.", notes), figure)
+    return PanelPicture(name, title, caption(drawn, "The grey intervals are enlarged below.", notes), figure)
 
 
 def panel(
@@ -118,7 +118,7 @@ def panel(
     """Draw curves over `span`; return notes on what the limits leave out, which are written on the panel too."""
     wanted = None
     if reference is not None:
-        wanted = window(Curve("", *reference, Style(REFERENCE, "-")), *span)
+        wanted = curve_window(Curve("", *reference, Style(REFERENCE, "-")), *span)
         axes.plot(*thin(wanted.time, wanted.values), color=REFERENCE, linewidth=0.7, zorder=2)
     for depth, curve in enumerate(curves):
         draw(axes, curve, 3 + depth)

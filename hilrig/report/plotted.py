@@ -8,7 +8,7 @@ from typing import NamedTuple
 from hilrig.core.signals import Array
 from hilrig.kinds.metrics._record import PhaseRecord
 
-ByAxis = dict[str, Array]
+CurvesByAxis = dict[str, Array]
 """Values (N,) by the axis they belong to"""
 
 
@@ -20,13 +20,13 @@ class Quantity(NamedTuple):
     label: str
     """Label of a panel's vertical axis"""
     unit: str
-    values: Callable[[PhaseRecord], ByAxis]
+    values: Callable[[PhaseRecord], CurvesByAxis]
     """Values in `unit`"""
-    reference: Callable[[PhaseRecord], ByAxis] | None = None
+    reference: Callable[[PhaseRecord], CurvesByAxis] | None = None
     """What the values should follow, in `unit`"""
 
 
-def _by_axis(values: Array, record: PhaseRecord, sigma: int | None = None) -> ByAxis:
+def _by_axis(values: Array, record: PhaseRecord, sigma: int | None = None) -> CurvesByAxis:
     """Return the columns of `values` (N, m) of the axes with this sigma; of all axes for None."""
     return {axis: values[:, i] for i, axis in enumerate(record.axes) if sigma is None or record.sigma[i] == sigma}
 

@@ -11,7 +11,7 @@ import pandas as pd
 from hilrig.core.errors import RunDirectoryError
 from hilrig.report.comparison import CELL, interval
 from hilrig.report.dataset import RunData, load_run, read_signals
-from hilrig.report.measures import all_metrics, measure, read_table, table
+from hilrig.report.measures import all_metrics, measure_trial, read_table, table
 
 KEY = ["controller", *CELL]
 
@@ -24,11 +24,11 @@ def run_metrics(run: RunData) -> pd.DataFrame:
     metrics, rows = all_metrics(), []
     for trial in run.trials:
         signals = read_signals(trial) if trial.counts else None
-        rows += measure(trial, signals, metrics) if signals else []
+        rows += measure_trial(trial, signals, metrics) if signals else []
     return table(rows)
 
 
-def compare(run_a: Path, run_b: Path) -> pd.DataFrame:
+def compare_runs(run_a: Path, run_b: Path) -> pd.DataFrame:
     """Return the difference b - a of every metric that both runs have, over the repeats that both completed.
 
     Columns: controller, condition, phase, metric, axis, unit, a, b, difference, relative, low, high, repeats. `low` and

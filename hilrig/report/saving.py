@@ -6,14 +6,14 @@ import base64
 from pathlib import Path
 
 from hilrig.report.page import Shown
-from hilrig.report.panels import Picture
+from hilrig.report.panels import PanelPicture
 from hilrig.report.plotting import Figure, figure_style
 
 LARGEST_INLINE = 1_000_000
 """Bytes of SVG beyond which the page holds the PNG instead"""
 
 
-def save(picture: Picture, condition: str, folder: Path) -> Shown:
+def save(picture: PanelPicture, condition: str, folder: Path) -> Shown:
     """Write figures/<condition>_<name>.svg and .png; return the figure for the page."""
     stem = folder / "figures" / f"{condition}_{picture.name}"
     return Shown(picture.name, picture.title, picture.caption, write_figure(picture.figure, stem), stem.name)

@@ -10,19 +10,19 @@ import numpy as np
 from hilrig.recording.certificate.attribution import Attribution
 from hilrig.recording.certificate.causes import CAUSES
 from hilrig.recording.certificate.histogram import tail
-from hilrig.recording.certificate.table import Table
+from hilrig.recording.certificate.table import StampTable
 from hilrig.report.curves import thin
 from hilrig.report.dataset import TrialEntry
 from hilrig.report.legend import legend_of
-from hilrig.report.panels import LEFT, RIGHT, TOP, Picture, canvas, name_curves
+from hilrig.report.panels import LEFT, RIGHT, TOP, PanelPicture, canvas, name_curves
 from hilrig.report.plotting import Axes, LogLocator, NullFormatter, figure_style
 from hilrig.report.style import MUTED, TWO_COLUMNS, Style, styles
 
-COLOURS = dict(zip(CAUSES, ("#0072B2", "#E69F00", "#D55E00", "#8A8A8A"), strict=True))
+CAUSE_COLOURS = dict(zip(CAUSES, ("#0072B2", "#E69F00", "#D55E00", "#8A8A8A"), strict=True))
 """Colours of late ticks, by cause"""
 LEAST = 0.1
 """us; lower values are drawn here on a logarithmic axis"""
-LINE = "#4d4d4d"
+LINE_COLOUR = "#4d4d4d"
 FINE = (1.0, 2.0, 5.0)
 """Tick labels in a decade of an axis that has few decades"""
 FEW_DECADES = 100.0
@@ -34,14 +34,14 @@ class Stamped(NamedTuple):
     """A trial with the time stamps of its ticks."""
 
     trial: TrialEntry
-    table: Table
+    table: StampTable
     found: Attribution
 
 
-def lateness_figure(condition: str, trials: Mapping[str, Stamped]) -> Picture:
+def lateness_figure(condition: str, trials: Mapping[str, Stamped]) -> PanelPicture:
     """Return lateness over time, a panel for each controller, with the late ticks in the colours of their causes."""
     with figure_style():
-        named = legend_of({f"late: {name}": Style(colour, "-") for name, colour in COLOURS.items()}, False, WIDTH)
+        named = legend_of({f"late: {name}": Style(colour, "-") for name, colour in CAUSE_COLOURS.items()}, False, WIDTH)
         figure, grid = canvas(len(trials), 1, 1.3, 1.3, top=TOP + named.further)
         for row, (name, stamped) in enumerate(trials.items()):
             axes = figure.add_subplot(grid[row, 0])
@@ -53,20 +53,20 @@ def lateness_figure(condition: str, trials: Mapping[str, Stamped]) -> Picture:
         "when a tick was due to when the driver woke. Marks at the top: late ticks, one row and one colour per cause. "
         "Dashed line: one period."
     )
-    return Picture(f"lateness_{condition}", "Lateness", text, figure)
+    return PanelPicture(f"lateness_{condition}", "Lateness", text, figure)
 
 
 def _over_time(axes: Axes, stamped: Stamped) -> None:
     own, period = stamped.table.driver, stamped.trial.document["period"]
     time = own.tick * period
     lateness = np.maximum((own.woke - own.due) / 1e3, LEAST)
-    axes.plot(*thin(time, lateness), color=LINE, linewidth=0.6)
+    axes.plot(*thin(time, lateness), color=LINE_COLOUR, linewidth=0.6)
     axes.axhline(1e6 * period, color=MUTED, linewidth=0.7, linestyle=(0, (4, 2)))
     axes.set_yscale("log")
     low, high = LEAST, max(float(lateness.max(initial=0.0)), 1e6 * period)
     # A quarter of the panel above the curve is free for the marks.
     axes.set_ylim(max(low, float(lateness.min(initial=high)) / 2), high * (high / max(low, 1.0)) ** 0.35)
-    for number, colour in enumerate(COLOURS.values()):
+    for number, colour in enumerate(CAUSE_COLOURS.values()):
         at = time[stamped.found.cause == number]
         height = np.full(at.size, 0.95 - 0.06 * number)
         axes.plot(at, height, "|", color=colour, markersize=5, transform=axes.get_xaxis_transform(), zorder=5)
@@ -75,7 +75,7 @@ def _over_time(axes: Axes, stamped: Stamped) -> None:
     axes.set_xlabel("time [s]", labelpad=1.5)
 
 
-def tail_figure(trials: Sequence[TrialEntry], controllers: tuple[str, ...]) -> Picture | None:
+def tail_figure(trials: Sequence[TrialEntry], controllers: tuple[str, ...]) -> PanelPicture | None:
     """Return the share of ticks at or above each lateness and command age; None if no trial has histograms."""
     told = [trial for trial in trials if trial.timing.get("histograms", {}).get("lateness")]
     if not told:
@@ -105,7 +105,7 @@ def tail_figure(trials: Sequence[TrialEntry], controllers: tuple[str, ...]) -> P
         "One line per trial, from the histograms in timing.json. Dashed line: one period for the lateness, and the "
         "budget's limit on the 99th percentile for the command age."
     )
-    return Picture("timing_tail", "Tails of lateness and command age", text, figure)
+    return PanelPicture("timing_tail", "Tails of lateness and command age", text, figure)
 
 
 def _tail(axes: Axes, bins: list[list[int]], look: Style) -> None:

@@ -26,7 +26,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Row:
+class VerdictRow:
     """One metric on one axis."""
 
     metric: str
@@ -37,22 +37,22 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Table:
+class VerdictTable:
     """One phase of one condition."""
 
     condition: str
     phase: str
-    rows: list[Row]
+    rows: list[VerdictRow]
 
 
 def verdict_tables(
     summary: pd.DataFrame, verdicts: Mapping[Cell, Verdict], controllers: tuple[str, ...]
-) -> list[Table]:
+) -> list[VerdictTable]:
     """Return a table for each condition and phase: the phases in their order, the whole trial last."""
     values = by_cell(summary)
     spans = dict.fromkeys((cell[0], cell[1]) for cell in values)
     return [
-        Table(condition, phase, [_row(cell, rows, verdicts[cell], controllers) for cell, rows in values.items()
+        VerdictTable(condition, phase, [_row(cell, rows, verdicts[cell], controllers) for cell, rows in values.items()
                                  if cell[:2] == (condition, phase)])
         for condition, phase in spans
     ]  # fmt: skip
@@ -67,7 +67,9 @@ def by_cell(summary: pd.DataFrame) -> dict[Cell, dict[str, dict[str, Any]]]:
     return found
 
 
-def _row(cell: Cell, values: Mapping[str, Mapping[str, Any]], verdict: Verdict, controllers: tuple[str, ...]) -> Row:
+def _row(
+    cell: Cell, values: Mapping[str, Mapping[str, Any]], verdict: Verdict, controllers: tuple[str, ...]
+) -> VerdictRow:
     factor, unit = shown_unit(next(iter(values.values()))["unit"])
     entries = [
         Entry(factor * values[name]["mean"], factor * values[name]["sd"], verdict.best == name)
@@ -75,7 +77,7 @@ def _row(cell: Cell, values: Mapping[str, Mapping[str, Any]], verdict: Verdict, 
         else Entry(None, None, best=False)
         for name in controllers
     ]
-    return Row(cell[2], cell[3], unit, entries, verdict.basis)
+    return VerdictRow(cell[2], cell[3], unit, entries, verdict.basis)
 
 
 def shown_unit(unit: str) -> tuple[float, str]:
@@ -88,7 +90,7 @@ def metric_title(kind: str) -> str:
     return kind.replace("_rmse", " RMSE").replace("_", " ")
 
 
-def answer(verdicts: Mapping[Cell, Verdict], summary: pd.DataFrame, controllers: tuple[str, ...]) -> list[str]:
+def answer_question(verdicts: Mapping[Cell, Verdict], summary: pd.DataFrame, controllers: tuple[str, ...]) -> list[str]:
     """Return the answer: a sentence for each condition, and one that counts the marks in all tables."""
     if len(controllers) < 2:
         return [f"Only one controller was run ({', '.join(controllers)}), so there is nothing to compare."]

@@ -7,7 +7,7 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from threading import Event, Thread
 
-MOST = 1000
+MOST_WAITING = 1000
 """Packets that may wait, half a minute's worth; beyond that the oldest are dropped, and counted as lost"""
 FLUSH_TIMEOUT_S = 60.0
 """How long the packets that wait may take to go out"""
@@ -28,7 +28,7 @@ class BackgroundSender:
 
         The newest is kept because the logger waits for the last one.
         """
-        if self._queue.qsize() >= MOST:
+        if self._queue.qsize() >= MOST_WAITING:
             with suppress(Empty):
                 self._queue.get_nowait()
         self._queue.put(packet)

@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from hilrig.core.errors import RigError, Stopped, describe
+from hilrig.core.errors import RigError, Stopped, describe_error
 from hilrig.experiment.rig_settings import RigSettings
 from hilrig.experiment.trial import Trial
 from hilrig.recording.run_directory import read_trial
@@ -202,7 +202,7 @@ def main(work: Callable[[Child], None]) -> None:
         traceback.print_exc()
         code = 1
         if child is not None:
-            child.tell("failed", reason=describe(error))
+            child.tell("failed", reason=describe_error(error))
     finally:
         signals.enough()
         if child is not None:

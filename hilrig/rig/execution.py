@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from hilrig.core.errors import ExperimentError, describe
+from hilrig.core.errors import ExperimentError, describe_error
 from hilrig.core.interfaces import is_fault
 from hilrig.experiment import Experiment
 from hilrig.experiment.expecting import ends_as_expected
@@ -186,4 +186,4 @@ class _Runner:
         except Exception as error:
             log = trial_directory(self._run, trial.id) / "logs" / "supervisor.log"
             log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
-            return Outcome.of(trial, "failed", f"{describe(error)} (see {log})", 0, 0.0, {})
+            return Outcome.of(trial, "failed", f"{describe_error(error)} (see {log})", 0, 0.0, {})

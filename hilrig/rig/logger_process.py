@@ -26,7 +26,7 @@ def work(child: Child) -> None:
     directory = trial_path(child.run, child.orders.trial)
     with Recorder(directory, trial["period"], definitions(order["memory"])) as recorder:
         try:
-            record(packets, recorder, views)
+            record_all(packets, recorder, views)
         except Stopped:
             record_rest(packets, recorder, views)
         views.end()
@@ -37,7 +37,7 @@ def work(child: Child) -> None:
     child.tell("done", channels=summary)
 
 
-def record(packets: Inbox, recorder: Recorder, views: Views) -> None:
+def record_all(packets: Inbox, recorder: Recorder, views: Views) -> None:
     """Record until every channel has ended."""
     still_open = set(NAMES)
     while still_open:

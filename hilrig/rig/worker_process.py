@@ -9,7 +9,7 @@ import traceback
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from hilrig.core.errors import Stopped, describe
+from hilrig.core.errors import Stopped, describe_error
 from hilrig.recording.run_directory import read_trial
 from hilrig.rig.child import Signals
 from hilrig.rig.cores import pin
@@ -54,7 +54,7 @@ def _outcome(run: Path, name: str, line: Connection) -> Outcome:
     except Exception as error:
         traceback.print_exc()
         log = log_of(run / "trials" / name, "worker")
-        return Outcome.of(trial, "failed", f"{describe(error)} (see {log})", 0, 0.0, {})
+        return Outcome.of(trial, "failed", f"{describe_error(error)} (see {log})", 0, 0.0, {})
 
 
 if __name__ == "__main__":

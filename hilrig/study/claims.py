@@ -19,7 +19,7 @@ import numpy as np
 from hilrig.core.signals import Array
 from hilrig.report.comparison import interval
 
-LEAST_PAIRS = 10
+LEAST_CLAIM_PAIRS = 10
 
 Result = Literal["reproduced", "not reproduced", "cannot tell"]
 Range = tuple[float, float]
@@ -60,7 +60,7 @@ def relative(values: Array, others: Array) -> Array:
         return (values - others) / others
 
 
-def judge(numbers: Array, claimed: Range) -> Judgement:
+def judge_claim(numbers: Array, claimed: Range) -> Judgement:
     """Judge the numbers (n,) of n repeats by the range that is claimed for them."""
     n = int(numbers.size)
     if n == 0:
@@ -70,8 +70,8 @@ def judge(numbers: Array, claimed: Range) -> Judgement:
     mean = float(np.mean(numbers))
     identical = n > 1 and bool(np.all(numbers == numbers[0]))
     low, high = (float(numbers[0]),) * 2 if identical else interval(numbers)
-    if n < LEAST_PAIRS:
-        return Judgement("cannot tell", mean, low, high, n, f"only {n} of the {LEAST_PAIRS} repeats needed")
+    if n < LEAST_CLAIM_PAIRS:
+        return Judgement("cannot tell", mean, low, high, n, f"only {n} of the {LEAST_CLAIM_PAIRS} repeats needed")
     return Judgement(_side(low, high, claimed), mean, low, high, n, "the same in every repeat" if identical else "")
 
 
@@ -87,7 +87,7 @@ def _judge_infinite(numbers: Array, claimed: Range) -> Judgement:
     n = int(numbers.size)
     odd = int(np.sum(~np.isfinite(numbers)))
     for end in (-np.inf, np.inf):
-        if np.all(numbers == end) and n >= LEAST_PAIRS:
+        if np.all(numbers == end) and n >= LEAST_CLAIM_PAIRS:
             result: Result = "reproduced" if end in claimed else "not reproduced"
             return Judgement(result, end, end, end, n, "infinite in every repeat")
     return Judgement("cannot tell", None, None, None, n, f"not finite in {odd} of {n} repeats")

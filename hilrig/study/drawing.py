@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hilrig.core.signals import Array
-from hilrig.report.curves import Curve, limits, thin, window
+from hilrig.report.curves import Curve, curve_window, limits, thin
 from hilrig.report.dataset import TrialEntry, TrialSignals
 from hilrig.report.internals import memory_documents, unit_of
 from hilrig.report.panels import draw
@@ -24,11 +24,11 @@ TOP, BOTTOM, LEFT, RIGHT = 0.4, 0.4, 0.75, 0.1
 """Margins, inches"""
 MEMORY = "memory."
 
-Trials = Mapping[str, tuple[TrialEntry, TrialSignals]]
+DrawnTrials = Mapping[str, tuple[TrialEntry, TrialSignals]]
 """The trial that is drawn for each controller, by the controller's name"""
 
 
-class Content(NamedTuple):
+class FigureContent(NamedTuple):
     """What a figure shows."""
 
     curves: list[Curve]
@@ -41,7 +41,7 @@ class Content(NamedTuple):
     """Whether the curves are components of one controller's quantity; then none is cut off to show the others"""
 
 
-def draw_figure(spec: FigureSpec, trials: Trials, everyone: tuple[str, ...]) -> tuple[Figure, tuple[str, ...]]:
+def draw_figure(spec: FigureSpec, trials: DrawnTrials, everyone: tuple[str, ...]) -> tuple[Figure, tuple[str, ...]]:
     """Return the figure, and notes on what its limits leave out.
 
     `everyone` are all controllers of the experiment, so that each has the same colour in every figure.
@@ -67,7 +67,7 @@ def draw_figure(spec: FigureSpec, trials: Trials, everyone: tuple[str, ...]) -> 
     return figure, tuple(dict.fromkeys(notes))
 
 
-def _content(spec: FigureSpec, trials: Trials, everyone: tuple[str, ...]) -> Content:
+def _content(spec: FigureSpec, trials: DrawnTrials, everyone: tuple[str, ...]) -> FigureContent:
     """Return the curves of the figure: one for each controller, or for each component of one controller."""
     looks = styles(everyone)
     found = {name: _series(spec, trial, signals) for name, (trial, signals) in trials.items()}
@@ -83,7 +83,7 @@ def _content(spec: FigureSpec, trials: Trials, everyone: tuple[str, ...]) -> Con
         Curve("reference", longest.record.time, values, Style(REFERENCE, "-"))
         for values in found[name].references.values()
     ]
-    return Content(curves, references, first.label, first.unit, len(trials) == 1)
+    return FigureContent(curves, references, first.label, first.unit, len(trials) == 1)
 
 
 class _Series(NamedTuple):
@@ -115,10 +115,10 @@ def _series(spec: FigureSpec, trial: TrialEntry, signals: TrialSignals) -> _Seri
     return _Series(values, references, f"{name} [{shown}]", unit or "")
 
 
-def _panel(axes: Axes, content: Content, span: tuple[float, float]) -> tuple[str, ...]:
+def _panel(axes: Axes, content: FigureContent, span: tuple[float, float]) -> tuple[str, ...]:
     """Draw the curves over `span`; return notes on what the limits leave out, which are written on the panel too."""
-    curves = [window(curve, *span) for curve in content.curves]
-    references = [window(curve, *span) for curve in content.references]
+    curves = [curve_window(curve, *span) for curve in content.curves]
+    references = [curve_window(curve, *span) for curve in content.references]
     for curve in references:
         axes.plot(*thin(curve.time, curve.values), color=REFERENCE, linewidth=0.7, zorder=2)
     # The noisiest first, so that it hides no other.
@@ -136,7 +136,7 @@ def _panel(axes: Axes, content: Content, span: tuple[float, float]) -> tuple[str
     return bounds.notes
 
 
-def _mark(axes: Axes, trials: Trials, everyone: tuple[str, ...]) -> None:
+def _mark(axes: Axes, trials: DrawnTrials, everyone: tuple[str, ...]) -> None:
     """Mark where phases begin, and where trials that are not compared ended."""
     looks = styles(everyone)
     for phase in next(iter(trials.values()))[0].document["phases"][1:]:
@@ -149,7 +149,7 @@ def _mark(axes: Axes, trials: Trials, everyone: tuple[str, ...]) -> None:
                           xytext=(3, 2), textcoords="offset points", fontsize=6, color=looks[name].colour)  # fmt: skip
 
 
-def _legend(figure: Figure, content: Content, height: float) -> None:
+def _legend(figure: Figure, content: FigureContent, height: float) -> None:
     """Name the curves above the panels."""
     handles = [
         Line2D([], [], color=curve.style.colour, linestyle=curve.style.dash, label=curve.label)

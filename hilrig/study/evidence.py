@@ -15,13 +15,13 @@ from hilrig.report.dataset import TrialEntry
 from hilrig.report.page import number
 from hilrig.report.verdict_table import metric_title, shown_unit
 from hilrig.study.claims import (
-    LEAST_PAIRS,
+    LEAST_CLAIM_PAIRS,
     Judgement,
     Range,
     Result,
     all_of,
     difference,
-    judge,
+    judge_claim,
     paired,
     relative,
 )
@@ -94,8 +94,8 @@ def _judge_part(part: Part, tables: Tables, trials: Trials) -> Evidence:
     places = (part,) if other is None else (part, elsewhere(part, other))
     columns = paired(values, values if other is None else _values(places[-1], tables)[0])[: len(places)]
     numbers, limits = _numbers(part, *columns)
-    found = judge(numbers, limits)
-    if found.pairs < LEAST_PAIRS:
+    found = judge_claim(numbers, limits)
+    if found.pairs < LEAST_CLAIM_PAIRS:
         why = [text for place in places if (text := _missing(place, tables, trials))]
         found = replace(found, reason="; ".join(dict.fromkeys([found.reason, *why])))
     unit = "" if part.equals_within else metric_unit

@@ -10,8 +10,8 @@ from pathlib import Path
 from hilrig.core.errors import ExperimentError, Place, Problem, nearest
 from hilrig.experiment import Experiment, document, load
 from hilrig.experiment.loading import is_experiment, problems
-from hilrig.experiment.schema import Context, InvalidError, read
-from hilrig.study.crosscheck import completed
+from hilrig.experiment.schema import Context, InvalidError, read_record
+from hilrig.study.crosscheck import cross_checked_study
 from hilrig.study.model import Study
 
 
@@ -32,17 +32,17 @@ def load_study(path: Path, overrides: Iterable[str] = ()) -> Loaded:
 
     Raises ExperimentError with everything that is wrong, each with its place.
     """
-    source = document.read(path)
+    source = document.read_document(path)
     if is_experiment(source):
         message = f"this is an experiment, not a study; to run it: hilrig run {shlex.quote(str(path))}"
         raise ExperimentError([Problem(Place(str(path)), message)])
     try:
-        study = read(Study, source.data, Context(path.resolve().parent))
+        study = read_record(Study, source.data, Context(path.resolve().parent))
     except InvalidError as error:
         raise ExperimentError(problems(error.findings, source)) from error
     experiments, sources = _experiments(study, source, list(overrides))
     try:
-        return Loaded(path, completed(study, experiments), experiments, sources)
+        return Loaded(path, cross_checked_study(study, experiments), experiments, sources)
     except InvalidError as error:
         raise ExperimentError(problems(error.findings, source)) from error
 

@@ -15,15 +15,15 @@ import pandas as pd
 
 from hilrig.recording.run_directory import make_directory, write_json
 from hilrig.report.dataset import RunData, TrialEntry, TrialSignals, load_run, read_signals
-from hilrig.report.expectations import Expected, judge
-from hilrig.report.measures import COLUMNS, all_metrics, table
+from hilrig.report.expectations import Expected, judge_expectations
+from hilrig.report.measures import METRIC_COLUMNS, all_metrics, table
 from hilrig.report.saving import write_figure
 from hilrig.study.drawing import draw_figure
 from hilrig.study.evidence import Judged, judge_claims
 from hilrig.study.loading import Loaded
 from hilrig.study.measuring import measure_all, memory_field
 from hilrig.study.model import FigureSpec, Study
-from hilrig.study.pages import Page, Picture, write_pages
+from hilrig.study.pages import Page, PagePicture, write_pages
 from hilrig.study.rows import claim_rows, summary
 
 DIGITS = "%.9g"
@@ -74,7 +74,10 @@ def make_reproduction(
     data = {name: read.data for name, read in reads.items()}
     trials = {name: run.trials for name, run in data.items()}
     judged = judge_claims(loaded.study.claims, tables, trials)
-    expected = {name: judge(run.experiment.get("expect") or [], tables[name], run.trials) for name, run in data.items()}
+    expected = {
+        name: judge_expectations(run.experiment.get("expect") or [], tables[name], run.trials)
+        for name, run in data.items()
+    }
     pictures = [_picture(spec, reads[spec.experiment], out) for spec in loaded.study.figures]
     claims = pd.DataFrame(claim_rows(judged))
     claims.to_csv(out / "claims.csv", index=False, float_format=DIGITS)
@@ -87,7 +90,7 @@ def make_reproduction(
 def _all_metrics(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Return one table for all experiments, whose first column names the experiment."""
     named = [found.assign(experiment=name) for name, found in tables.items()]
-    return pd.concat(named).reindex(columns=["experiment", *COLUMNS])
+    return pd.concat(named).reindex(columns=["experiment", *METRIC_COLUMNS])
 
 
 Each = Callable[..., Iterable[Any]]
@@ -136,15 +139,15 @@ def _drawn(spec: FigureSpec, data: RunData) -> list[TrialEntry]:
     return [chosen[name] for name in spec.controllers if name in chosen]
 
 
-def _picture(spec: FigureSpec, read: _Read, out: Path) -> Picture:
+def _picture(spec: FigureSpec, read: _Read, out: Path) -> PagePicture:
     """Draw and save one figure."""
     trials = [read.drawn[trial.id] for trial in _drawn(spec, read.data) if trial.id in read.drawn]
     pairs: dict[str, Any] = {trial.controller: (trial, signals) for trial, signals in trials}
     if not pairs:
-        return Picture(spec, "", "", f"No trial of {spec.experiment} has a record of this.")
+        return PagePicture(spec, "", "", f"No trial of {spec.experiment} has a record of this.")
     figure, notes = draw_figure(spec, pairs, read.data.controllers)
     stem = out / "figures" / f"fig{spec.figure.zfill(2)}"
-    return Picture(spec, stem.name, write_figure(figure, stem), _caption(spec, trials, notes))
+    return PagePicture(spec, stem.name, write_figure(figure, stem), _caption(spec, trials, notes))
 
 
 def _caption(spec: FigureSpec, trials: Sequence[tuple[TrialEntry, TrialSignals]], notes: Sequence[str]) -> str:

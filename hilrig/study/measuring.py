@@ -13,16 +13,16 @@ from hilrig.experiment.trial import ALL_PHASES
 from hilrig.kinds.metrics._record import peak, rms
 from hilrig.report.dataset import TrialEntry, TrialSignals
 from hilrig.report.internals import memory_documents, unit_of
-from hilrig.report.measures import measure
+from hilrig.report.measures import measure_trial
 
-MEMORY: Mapping[str, Callable[[Array], float]] = {"memory_rms": rms, "memory_peak": peak}
+MEMORY_PREFIX: Mapping[str, Callable[[Array], float]] = {"memory_rms": rms, "memory_peak": peak}
 """Measures of one component m of a field of a law's memory: √(mean m²), and max |m|"""
 
 
 def memory_field(metric: str) -> str | None:
     """Return the field that "memory_rms.<field>" or "memory_peak.<field>" names; None for another metric."""
     prefix, dot, field = metric.partition(".")
-    return field if dot and prefix in MEMORY else None
+    return field if dot and prefix in MEMORY_PREFIX else None
 
 
 def components(values: Array, axes: tuple[str, ...]) -> dict[str, Array]:
@@ -35,7 +35,7 @@ def measure_all(
     trial: TrialEntry, signals: TrialSignals, metrics: Mapping[str, Metric], wanted: Iterable[str]
 ) -> list[tuple[Any, ...]]:
     """Return the rows of one trial: every metric, and the `wanted` measures of the law's memory."""
-    rows = measure(trial, signals, metrics)
+    rows = measure_trial(trial, signals, metrics)
     documents = memory_documents(trial.document["controller"]["kind"])
     for metric in wanted:
         field = memory_field(metric)
@@ -47,7 +47,7 @@ def measure_all(
 def _memory_rows(trial: TrialEntry, signals: TrialSignals, metric: str, field: str, unit: str) -> list[tuple[Any, ...]]:
     """Return the rows of one measure of one field, for each phase and the whole trial."""
     record, head = signals.record, (trial.id, trial.controller, trial.condition, trial.repeat)
-    reduce = MEMORY[metric.partition(".")[0]]
+    reduce = MEMORY_PREFIX[metric.partition(".")[0]]
     edges = [(phase["name"], phase["start"], phase["end"]) for phase in trial.document["phases"]]
     rows = []
     for phase, start, end in [*edges, (ALL_PHASES, 0.0, float("inf"))]:

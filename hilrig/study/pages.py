@@ -19,7 +19,7 @@ from hilrig.study.rows import counts, ended, reason
 
 
 @dataclass(frozen=True)
-class Picture:
+class PagePicture:
     """A figure on the pages."""
 
     spec: FigureSpec
@@ -36,7 +36,7 @@ class Page:
 
     loaded: Loaded
     judged: Sequence[Judged]
-    pictures: Sequence[Picture]
+    pictures: Sequence[PagePicture]
     expected: Mapping[str, Sequence[Expected]]
     """The judged expectations of each experiment, by its name"""
     runs: Mapping[str, RunData]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hilrig.experiment.expecting import ended_early
-from hilrig.recording.run_directory import reason as ended_because
+from hilrig.recording.run_directory import reason_of as ended_because
 from hilrig.report.dataset import RunData, TrialEntry
 from hilrig.report.expectations import Expected
 from hilrig.study.evidence import Judged

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from hilrig.core.errors import PluginError
-from hilrig.kinds.registry import is_path, kinds, load
+from hilrig.kinds.registry import is_path, kind_names, load_kind
 from hilrig.testing.rule import RULES, NotApplicableError, Rule
 from hilrig.testing.rules import register_all
 from hilrig.testing.subject import TABLE, Subject, check_values, subject_of
@@ -32,7 +32,7 @@ def contract(group: str, *names: str | Path, file_text: str = TABLE, **values: A
     Raises PluginError if there is no such group, and TypeError for a value that none of the kinds has a field for.
     """
     base = Path(sys._getframe(1).f_globals.get("__file__", "")).absolute().parent
-    chosen = [Chosen(group, str(name), base, values, file_text) for name in names or kinds(group)]
+    chosen = [Chosen(group, str(name), base, values, file_text) for name in names or kind_names(group)]
     check_values(group, [kind.cls for kind in chosen if kind.cls is not None], values)
     cases = [
         pytest.param(kind, rule, id=f"{kind.id}-{rule.name if rule else 'is_a_kind'}")
@@ -76,7 +76,7 @@ class Chosen:
     def cls(self) -> type | None:
         """Its class, or None if it cannot be loaded."""
         with suppress(PluginError):
-            return load(self.group, self.name, self.base)
+            return load_kind(self.group, self.name, self.base)
         return None
 
     @cached_property

@@ -13,7 +13,7 @@ from typing import Any
 
 from hilrig import Parameter
 from hilrig.core.errors import PluginError, nearest
-from hilrig.kinds.registry import PROTOCOLS, group_of, is_path, load
+from hilrig.kinds.registry import PROTOCOLS, group_of, is_path, load_kind
 from hilrig.kinds.robots.planar_2r import Planar2r
 
 MOST_VARIANTS = 64
@@ -53,7 +53,7 @@ def subject_of(group: str, kind: str, base: Path, values: Mapping[str, Any], fil
     `base` is the folder that a path starts from; `file_text` is given to a reference that reads a file. Raises
     PluginError if there is no such kind, and TypeError or ValueError if no instance can be made.
     """
-    cls = load(group, kind, base)
+    cls = load_kind(group, kind, base)
     variants = (
         list(itertools.islice(_variants(cls, values), MOST_VARIANTS))
         if group in ALL_CHOICES

@@ -11,7 +11,7 @@ from helpers.builders import PERIOD, STILL, arm, begin, surface, torque_command
 
 from hilrig import Array, Law, State
 from hilrig.kinds.actuation import Actuation
-from hilrig.kinds.registry import kinds, load
+from hilrig.kinds.registry import kind_names, load_kind
 from hilrig.report.internals import memory_documents
 from hilrig.testing.records import flawed
 from hilrig.testing.scenario import MASS, kinematics, scenario
@@ -42,12 +42,12 @@ def run(law: Law, axes: int, ticks: int = 300) -> tuple[Array, Array]:
 
 
 @pytest.mark.parametrize("axes", [1, 2, 3])
-@pytest.mark.parametrize("kind", kinds("controllers"))
+@pytest.mark.parametrize("kind", kind_names("controllers"))
 def test_a_law_does_something_about_the_error_on_any_number_of_axes(kind: str, axes: int) -> None:
     given = scenario(axes)
     at, still = kinematics(np.zeros(axes), np.zeros(axes)), np.zeros(axes)
     weight = at.regressor[0] @ given.task.dynamic_parameters
-    law = load("controllers", kind)().start(given.task, State(still, still, *at, still, weight, PERIOD))
+    law = load_kind("controllers", kind)().start(given.task, State(still, still, *at, still, weight, PERIOD))
     torques, positions = run(law, axes)
     assert torques.shape == (300, axes)
     assert np.isfinite(torques).all()
@@ -55,37 +55,37 @@ def test_a_law_does_something_about_the_error_on_any_number_of_axes(kind: str, a
     assert np.abs(positions).max() < 0.1, "and it does not run away"
 
 
-@pytest.mark.parametrize("kind", kinds("controllers"))
+@pytest.mark.parametrize("kind", kind_names("controllers"))
 def test_the_docstring_of_a_law_has_equation_and_source(kind: str) -> None:
-    text = inspect.getdoc(load("controllers", kind)) or ""
+    text = inspect.getdoc(load_kind("controllers", kind)) or ""
     assert "tau = " in text
     assert "Source: " in text
 
 
-@pytest.mark.parametrize("kind", kinds("controllers"))
+@pytest.mark.parametrize("kind", kind_names("controllers"))
 def test_every_field_of_a_memory_says_what_it_is_and_its_shape(kind: str) -> None:
     """The report's captions come from there."""
     given = scenario(2)
-    law = load("controllers", kind)().start(given.task, given.ticks[0].state)
+    law = load_kind("controllers", kind)().start(given.task, given.ticks[0].state)
     said = memory_documents(kind)
     assert set(said) == set(law.memory._fields)
     assert all(re.search(r"\([^()]*\)", text) for text in said.values()), said
 
 
-@pytest.mark.parametrize("kind", kinds("metrics"))
+@pytest.mark.parametrize("kind", kind_names("metrics"))
 def test_a_metric_is_defined_in_its_docstring_and_zero_without_errors(kind: str) -> None:
-    cls = load("metrics", kind)
+    cls = load_kind("metrics", kind)
     assert "=" in (inspect.getdoc(cls) or "")
     nothing, small = (cls().measure(flawed(scale)) for scale in (0.0, 1.0))
     assert nothing == pytest.approx(dict.fromkeys(small, 0.0), abs=1e-12)
     assert all(value > 1e-6 for value in small.values())
 
 
-@pytest.mark.parametrize("kind", kinds("drivers"))
+@pytest.mark.parametrize("kind", kind_names("drivers"))
 def test_a_servo_gives_its_stiffness_times_the_way_to_go(kind: str) -> None:
     """Of 60 N m/rad, 0.1 and -0.05 rad from where it is told to be, at rest, in a period of one step."""
     servo = Actuation("position_servo", stiffness=60.0)
-    cls = load("drivers", kind)
+    cls = load_kind("drivers", kind)
     assert cls(arm(), surface()).servo_gain is None
     driver = cls(arm(), surface(), servo, substep=PERIOD)
     assert driver.servo_gain == servo.k_ref
@@ -97,10 +97,10 @@ def test_a_servo_gives_its_stiffness_times_the_way_to_go(kind: str) -> None:
 
 
 @pytest.mark.parametrize("friction", [(0.0, 0.0), (0.05, 0.05)], ids=["direct", "with friction"])
-@pytest.mark.parametrize("kind", kinds("drivers"))
+@pytest.mark.parametrize("kind", kind_names("drivers"))
 def test_an_arm_without_friction_keeps_no_command_either(kind: str, friction: tuple[float, float]) -> None:
     """A plant may take a shorter way without friction; the array of its command is written again at the next tick."""
-    plant = begin(load("drivers", kind)(arm(), surface(), coulomb=friction), (0.4, 1.3))
+    plant = begin(load_kind("drivers", kind)(arm(), surface(), coulomb=friction), (0.4, 1.3))
     command = torque_command((1.0, 2.0))
     plant.advance(command, STILL)
     command.torque[:] = 9.0

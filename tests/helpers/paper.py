@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hilrig.kinds.registry import load
+from hilrig.kinds.registry import load_kind
 
 PAPER = Path(__file__).parents[2] / "experiments" / "paper"
-LawAsPrinted = load("controllers", str(PAPER / "law_as_printed.py"))
-RobotAsPrinted = load("robots", str(PAPER / "robot_as_printed.py"))
-DriverAsPrinted = load("drivers", str(PAPER / "driver_as_printed.py"))
+LawAsPrinted = load_kind("controllers", str(PAPER / "law_as_printed.py"))
+RobotAsPrinted = load_kind("robots", str(PAPER / "robot_as_printed.py"))
+DriverAsPrinted = load_kind("drivers", str(PAPER / "driver_as_printed.py"))

@@ -16,7 +16,7 @@ from hilrig.recording.messages.codec import Codec, Definition, definition, exten
 from hilrig.recording.messages.record_batch import RecordBatch
 from hilrig.recording.timing import certify, terms_of
 from hilrig.report.dataset import TrialEntry
-from hilrig.report.measures import COLUMNS
+from hilrig.report.measures import METRIC_COLUMNS
 
 PERIOD = 1e-3
 ROBOT = {
@@ -216,7 +216,7 @@ def metric_table(
         for name, column in values.items()
         for repeat, value in enumerate(column)
     ]
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    return pd.DataFrame(rows, columns=list(METRIC_COLUMNS))
 
 
 def trial_entry(

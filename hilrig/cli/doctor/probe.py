@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hilrig.cli.doctor.verdict import Probe, Stamps, summarise
+from hilrig.cli.doctor.verdict import Probe, ProbeStamps, summarise_probe
 from hilrig.core.errors import RigError
 from hilrig.experiment.rig_settings import RigSettings
 from hilrig.rig.cores import cores_for
@@ -47,7 +47,7 @@ def probe(seconds: float, settings: RigSettings) -> Probe:
         kill_all(children.values())
         shutil.rmtree(sockets, ignore_errors=True)
     total, stolen = after[0] - before[0], after[1] - before[1]
-    return summarise(Stamps(PERIOD_NS, due, woke, published, received), stolen / max(total, 1), setup)
+    return summarise_probe(ProbeStamps(PERIOD_NS, due, woke, published, received), stolen / max(total, 1), setup)
 
 
 def wait_for(children: Mapping[str, ChildProcess], logs: Mapping[str, Path], timeout_s: float) -> None:

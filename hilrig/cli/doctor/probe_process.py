@@ -36,7 +36,7 @@ def main() -> None:
     signals.listen(orders["parent"])
     report = prepare(settings, role, orders["cores"], realtime=True)
     with _bus(role, orders["sockets"], settings.low_latency_link) as bus:
-        report |= ask(bus, orders, settings) if role == "driver" else answer(bus, settings)
+        report |= ask(bus, orders, settings) if role == "driver" else answer_probe(bus, settings)
     signals.enough()
     (Path(orders["sockets"]) / f"{role}.json").write_text(json.dumps(report))
 
@@ -88,7 +88,7 @@ def _listen(answers: Any, received: NDArray[np.int64]) -> None:
         received[int.from_bytes(payload[:8], "little")] = time.monotonic_ns()
 
 
-def answer(bus: Bus, settings: RigSettings) -> Report:
+def answer_probe(bus: Bus, settings: RigSettings) -> Report:
     """Send every message back until an empty one comes, which is the last."""
     asked, answers = bus.inbox("asked"), bus.outbox("answered", blocking=False)
     report = _join(bus, "controller", settings)

@@ -18,7 +18,7 @@ READY_LATE, USABLE_LATE = 0.001, TimingBudget.late_fraction
 
 
 @dataclass(frozen=True)
-class Stamps:
+class ProbeStamps:
     """The time stamps of a probe of N ticks, CLOCK_MONOTONIC in ns, arrays (N,)."""
 
     period: int
@@ -49,7 +49,7 @@ class Probe(NamedTuple):
     """Which real-time settings were applied: process -> report"""
 
 
-class Verdict(NamedTuple):
+class Readiness(NamedTuple):
     """Whether a machine is fit, and why."""
 
     word: Literal["ready", "usable with late ticks", "not ready"]
@@ -57,7 +57,7 @@ class Verdict(NamedTuple):
     """What prevents a better verdict; empty if the machine is ready"""
 
 
-def summarise(stamps: Stamps, steal: float, setup: dict[str, Report]) -> Probe:
+def summarise_probe(stamps: ProbeStamps, steal: float, setup: dict[str, Report]) -> Probe:
     """Return the result of a probe from its stamps."""
     lateness = stamps.woke - stamps.due
     answered = stamps.received > 0
@@ -73,7 +73,7 @@ def summarise(stamps: Stamps, steal: float, setup: dict[str, Report]) -> Probe:
     )  # fmt: skip
 
 
-def judge(probe: Probe) -> Verdict:
+def judge_probe(probe: Probe) -> Readiness:
     """Return the verdict for the probe's period l.
 
     **ready**: at most 0.1 % of the ticks late, p99 of lateness at most l/10, p99 of the round trip at most l/2, and
@@ -86,11 +86,11 @@ def judge(probe: Probe) -> Verdict:
     if refused:
         short_of_ready.append("SCHED_FIFO was refused: any other process may run before the loop")
     if not short_of_ready:
-        return Verdict("ready", ())
+        return Readiness("ready", ())
     short_of_usable = _beyond(probe, USABLE_LATE, 4, 1)
     if not short_of_usable:
-        return Verdict("usable with late ticks", tuple(short_of_ready))
-    return Verdict("not ready", tuple(short_of_usable))
+        return Readiness("usable with late ticks", tuple(short_of_ready))
+    return Readiness("not ready", tuple(short_of_usable))
 
 
 def _beyond(probe: Probe, late: float, lateness: int, trip: int) -> list[str]:

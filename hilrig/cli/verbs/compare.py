@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hilrig.cli.application import RUN_HELP, AsJson, app, find_run, print_json
+from hilrig.cli.application import RUN_HELP, AsJson, app, print_json, run_meant
 
 FirstRun = Annotated[Path, typer.Argument(metavar="FIRST", help=RUN_HELP, show_default=False)]
 SecondRun = Annotated[Path, typer.Argument(metavar="SECOND", help="Likewise.", show_default=False)]
@@ -19,10 +19,10 @@ def compare(first: FirstRun, second: SecondRun, as_json: AsJson = False) -> None
 
     Shows every metric that both runs have, and how it changed from the first to the second.
     """
-    from hilrig.report import compare as compare_runs
+    from hilrig.report import compare_runs as compare_runs
     from hilrig.report import render
 
-    table = compare_runs(find_run(first), find_run(second))
+    table = compare_runs(run_meant(first), run_meant(second))
     if as_json:
         print_json({"notes": table.attrs.get("notes", []), "rows": table.to_dict("records")})
     else:

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from hilrig.cli.doctor.findings import Finding
-    from hilrig.cli.doctor.verdict import Probe, Verdict
+    from hilrig.cli.doctor.verdict import Probe, Readiness
 
-STYLES = {"ok": "green", "note": "yellow", "fault": "red"}
+FINDING_STYLES = {"ok": "green", "note": "yellow", "fault": "red"}
 WORDS = {"ready": "green", "usable with late ticks": "yellow", "not ready": "red"}
 
 
@@ -35,7 +35,7 @@ def doctor(
     from hilrig.cli.doctor.host import read_host
     from hilrig.cli.doctor.probe import probe
     from hilrig.cli.doctor.trying import try_things
-    from hilrig.cli.doctor.verdict import judge
+    from hilrig.cli.doctor.verdict import judge_probe
     from hilrig.experiment.rig_settings import RigSettings
 
     settings = RigSettings()
@@ -44,7 +44,7 @@ def doctor(
     if not as_json:
         typer.echo(f"measuring for {seconds:g} s ...", err=True)
     measured = probe(seconds, settings)
-    verdict, found = judge(measured), [*findings(host), *from_probe(measured)]
+    verdict, found = judge_probe(measured), [*findings(host), *from_probe(measured)]
     if as_json:
         print_json(
             {
@@ -58,7 +58,7 @@ def doctor(
         _show(found, measured, verdict)
 
 
-def _show(found: list[Finding], measured: Probe, verdict: Verdict) -> None:
+def _show(found: list[Finding], measured: Probe, verdict: Readiness) -> None:
     from rich.console import Console
 
     # A pipe has no width, so nothing may be folded there.
@@ -77,7 +77,7 @@ def _print_findings(console: Console, found: list[Finding]) -> None:
 
     table = Table(box=None, pad_edge=False, show_header=False)
     for item in found:
-        table.add_row(Text(item.verdict, style=STYLES[item.verdict]), item.name, Text(item.value))
+        table.add_row(Text(item.verdict, style=FINDING_STYLES[item.verdict]), item.name, Text(item.value))
     console.print(table)
 
 
@@ -104,5 +104,5 @@ def _print_remedies(console: Console, found: list[Finding]) -> None:
         if items:
             console.print(f"\n{title}")
         for item in items:
-            console.print(f"  {item.name}", style=STYLES[verdict])
+            console.print(f"  {item.name}", style=FINDING_STYLES[verdict])
             console.print(f"    {item.remedy}", soft_wrap=True, markup=False)

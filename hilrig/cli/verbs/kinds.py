@@ -34,20 +34,20 @@ def kinds(
 
     if group is None:
         for name in GROUPS:
-            typer.echo(f"{name:13} {', '.join(plugins.kinds(name))}")
+            typer.echo(f"{name:13} {', '.join(plugins.kind_names(name))}")
         return
     if group not in GROUPS:
         raise ExperimentError(f"there is no group '{group}'{nearest(group, GROUPS)} (groups: {', '.join(GROUPS)})")
-    for name in [kind] if kind else plugins.kinds(group):
+    for name in [kind] if kind else plugins.kind_names(group):
         _show_kind(group, name, brief=kind is None)
 
 
 def _show_kind(group: str, kind: str, brief: bool) -> None:
     from hilrig.cli.terminal import print_table
-    from hilrig.experiment.schema import describe
+    from hilrig.experiment.schema import describe_kind
     from hilrig.kinds import registry as plugins
 
-    cls = plugins.load(group, kind, Path.cwd())
+    cls = plugins.load_kind(group, kind, Path.cwd())
     if brief:
         typer.echo(f"{kind:20} {_first_line(inspect.getmodule(cls))}")
         return
@@ -55,7 +55,7 @@ def _show_kind(group: str, kind: str, brief: bool) -> None:
     typer.echo(f"{text}\n")
     rows = [
         [row.name, row.unit, row.default, _bound(row.low), _bound(row.high), row.scale, row.meaning]
-        for row in describe(group, kind)
+        for row in describe_kind(group, kind)
     ]
     columns = {
         "parameter": "",

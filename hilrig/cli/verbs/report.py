@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hilrig.cli.application import RunArgument, app, find_run
+from hilrig.cli.application import RunArgument, app, run_meant
 from hilrig.cli.results import Junit, make_room, tell_results
 
 
@@ -24,6 +24,6 @@ def report_command(
     Also lists which expectations of the experiment were met. Exit code: 0 the report was made, whatever it says; 2
     there is no such run, or nothing to report.
     """
-    path = find_run(run)
+    path = run_meant(run)
     make_room(junit)
     tell_results(path, out, report=True, junit=junit)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hilrig.cli.application import RUNS, Overrides, app, find_run
+from hilrig.cli.application import RUNS, Overrides, app, run_meant
 from hilrig.cli.experiments import interruptible
 from hilrig.cli.results import tell_run
 from hilrig.core.errors import ExperimentError
@@ -52,7 +52,7 @@ def reproduce(
     if overrides and out is None:
         raise ExperimentError("--set changes the study, so the result needs a folder of its own; give --out")
     loaded = load_study(study, overrides)
-    there = match(loaded, [find_run(run) for run in reuse or []], overrides)
+    there = match(loaded, [run_meant(run) for run in reuse or []], overrides)
     made = _run_all(loaded, there, runs, jobs, overrides)
     folder = out or Path(loaded.study.out)
     changes = [word for text in overrides for word in ("--set", text)]

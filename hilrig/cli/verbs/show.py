@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from hilrig.cli.application import AsJson, RunArgument, app, find_run, print_json
+from hilrig.cli.application import AsJson, RunArgument, app, print_json, run_meant
 
 
 @app.command()
@@ -13,9 +13,9 @@ def show(run: RunArgument, as_json: AsJson = False) -> None:
 
     For each trial: outcome and reason, number of ticks, speed, and messages lost.
     """
-    from hilrig.recording.run_directory import ending, messages_lost, read_manifest, read_outcome, read_plan, reason
+    from hilrig.recording.run_directory import ending, messages_lost, read_manifest, read_outcome, read_plan, reason_of
 
-    path = find_run(run)
+    path = run_meant(run)
     manifest, planned = read_manifest(path), read_plan(path)
     outcomes = [read_outcome(path, trial["id"]) for trial in planned["trials"]]
     if as_json:
@@ -31,7 +31,7 @@ def show(run: RunArgument, as_json: AsJson = False) -> None:
             str(item["ticks"]),
             f"{item.get('speed', 0):.2f}",
             "?" if (lost := messages_lost(item)) is None else str(lost),
-            reason(item),
+            reason_of(item),
         ]
         for item in outcomes
     ]

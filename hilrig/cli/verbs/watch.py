@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from hilrig.cli.application import RUNS, app, find_run
+from hilrig.cli.application import RUNS, app, run_meant
 
 
 @app.command()
@@ -38,4 +38,4 @@ def watch(
     from hilrig.cli.watch.finding import newest_live_run
     from hilrig.cli.watch.showing import watch_run
 
-    watch_run(newest_live_run(out) if run is None else find_run(run), Console())
+    watch_run(newest_live_run(out) if run is None else run_meant(run), Console())

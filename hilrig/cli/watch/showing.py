@@ -24,7 +24,7 @@ FRAME = 0.2
 """s between two screens"""
 POLL = 0.05
 """s between two looks at the bus"""
-LINE = 2.0
+LINE_INTERVAL_S = 2.0
 """s between two plain lines"""
 LAST = 19
 """Niceness: everything else on a core comes first"""
@@ -85,7 +85,7 @@ def print_lines(console: Console, follower: Follower) -> None:
     while follower.over is None:
         scene, now = follower.look(), time.monotonic()
         if now >= due and scene.history.last is not None:
-            due = now + LINE
+            due = now + LINE_INTERVAL_S
             console.print(line(scene, now), markup=False, highlight=False, soft_wrap=True)
         time.sleep(POLL)
 

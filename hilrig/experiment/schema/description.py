@@ -11,7 +11,7 @@ from hilrig.kinds import registry as plugins
 from hilrig.kinds.user_files import code_of
 
 
-class Row(NamedTuple):
+class ParameterRow(NamedTuple):
     """One parameter of a kind."""
 
     name: str
@@ -25,13 +25,13 @@ class Row(NamedTuple):
     meaning: str
 
 
-def describe(group: str, kind: str) -> tuple[Row, ...]:
+def describe_kind(group: str, kind: str) -> tuple[ParameterRow, ...]:
     """Return the parameters of a kind, nested ones too. Raises PluginError if there is no such kind."""
-    return tuple(_rows(plugins.load(group, kind), ""))
+    return tuple(_rows(plugins.load_kind(group, kind), ""))
 
 
-def _rows(cls: type, prefix: str) -> list[Row]:
-    rows: list[Row] = []
+def _rows(cls: type, prefix: str) -> list[ParameterRow]:
+    rows: list[ParameterRow] = []
     for field, annotation, parameter in settable(cls):
         name, inner = prefix + field.name, bare(annotation)
         if dataclasses.is_dataclass(inner) and isinstance(inner, type):
@@ -39,7 +39,9 @@ def _rows(cls: type, prefix: str) -> list[Row]:
             continue
         meaning = parameter.meaning or _choices(inner)
         unit = parameter.unit.replace("|", " or ")
-        rows.append(Row(name, unit, _default(field, cls), parameter.low, parameter.high, parameter.scale, meaning))
+        rows.append(
+            ParameterRow(name, unit, _default(field, cls), parameter.low, parameter.high, parameter.scale, meaning)
+        )
     return rows
 
 

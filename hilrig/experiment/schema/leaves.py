@@ -9,11 +9,11 @@ from typing import Any
 from hilrig.core.errors import nearest
 from hilrig.core.parameters import Parameter
 from hilrig.core.quantities import shown
-from hilrig.experiment.schema.terms import Context, Finding, InvalidError, Reader, invalid
-from hilrig.experiment.schema.values import Form, number_schema, read_number
+from hilrig.experiment.schema.terms import Context, InvalidError, Reader, SchemaFinding, invalid
+from hilrig.experiment.schema.values import NumericForm, number_schema, read_number
 
 
-def number_reader(form: Form, parameter: Parameter) -> Reader:
+def number_reader(form: NumericForm, parameter: Parameter) -> Reader:
     """Return the reader of numbers of a form, with unit and bounds."""
 
     def number(value: Any, context: Context) -> Any:
@@ -102,7 +102,7 @@ def optional_reader(inner: Reader) -> Reader:
 def _each(items: Any, read: Callable[[Any, Context], Any], context: Context) -> dict[Any, Any]:
     """Return what `read` makes of each item; all that is wrong with any of them is raised together."""
     result: dict[Any, Any] = {}
-    findings: list[Finding] = []
+    findings: list[SchemaFinding] = []
     for key, item in items:
         try:
             result[key] = read(item, context)

@@ -28,28 +28,37 @@ from hilrig.experiment.schema.leaves import (
     optional_reader,
     plain_reader,
 )
-from hilrig.experiment.schema.terms import ONLY_AXIS, ByAxis, Context, Finding, InvalidError, Later, Reader, invalid
+from hilrig.experiment.schema.terms import (
+    ONLY_AXIS,
+    ByAxis,
+    Context,
+    InvalidError,
+    Later,
+    Reader,
+    SchemaFinding,
+    invalid,
+)
 from hilrig.experiment.schema.values import numeric_form
 from hilrig.kinds import registry as plugins
 from hilrig.kinds.user_files import code_of, place_of, read_bytes
 
-TYPES = "float, int, bool, str, Literal, these or None, tuple, Mapping, a frozen dataclass, or a kind"
+PARAMETER_TYPES = "float, int, bool, str, Literal, these or None, tuple, Mapping, a frozen dataclass, or a kind"
 """What a parameter may be annotated with"""
 
 
-def read(cls: type, data: Any, context: Context) -> Any:
+def read_record(cls: type, data: Any, context: Context) -> Any:
     """Return an instance of the dataclass `cls` made from `data`. Raises InvalidError with all that is wrong."""
     readers = readers_of(cls)
     if not isinstance(data, dict):
         raise invalid(f"{shown(data)} is not a mapping; this needs one with {', '.join(readers)}")
     values: dict[str, Any] = {}
-    findings: list[Finding] = []
+    findings: list[SchemaFinding] = []
     given: set[str] = set()
     for key, item in data.items():
         name = unicodedata.normalize("NFKC", key)  # as Python does with the names of fields
         try:
             if name not in readers or name in given:
-                findings.append(Finding((key,), _refused_key(key, tuple(readers)), on_key=True))
+                findings.append(SchemaFinding((key,), _refused_key(key, tuple(readers)), on_key=True))
             else:
                 values[name] = readers[name].read(item, context)
         except InvalidError as error:
@@ -58,7 +67,7 @@ def read(cls: type, data: Any, context: Context) -> Any:
     for field, _, parameter in settable(cls):
         if is_required(field) and field.name not in given:
             meaning = f" ({parameter.meaning})" if parameter.meaning else ""
-            findings.append(Finding((), f"'{field.name}' is missing{meaning}"))
+            findings.append(SchemaFinding((), f"'{field.name}' is missing{meaning}"))
     if findings:
         raise InvalidError(findings)
     try:
@@ -81,7 +90,7 @@ def readers_of(cls: type) -> dict[str, Reader]:
         try:
             found[field.name] = _reader(annotation, parameter)
         except TypeError as error:
-            message = f"no file can give the parameter '{field.name}' its type, {error}; use {TYPES}"
+            message = f"no file can give the parameter '{field.name}' its type, {error}; use {PARAMETER_TYPES}"
             raise PluginError(f"{place_of(cls, field.name)}: {message}") from error
     return found
 
@@ -119,7 +128,7 @@ def _structure_reader(annotation: Any, parameter: Parameter) -> Reader:
         allowed = None if annotation is plugins.PROTOCOLS[group] else annotation
         return Reader(partial(_read_kind, group, allowed), partial(_kinds_schema, group, allowed))
     if dataclasses.is_dataclass(annotation) and isinstance(annotation, type):
-        return Reader(partial(read, annotation), partial(record_schema, annotation))
+        return Reader(partial(read_record, annotation), partial(record_schema, annotation))
     raise TypeError(getattr(annotation, "__name__", annotation))
 
 
@@ -138,7 +147,7 @@ def _by_axis_reader(unit: str) -> Reader:
 
 def _read_kind(group: str, allowed: type | None, data: Any, context: Context) -> Any:
     """Return the kind of `group` that `data`, a mapping with `kind` and parameters, describes. Raises InvalidError."""
-    known = ", ".join(plugins.kinds(group))
+    known = ", ".join(plugins.kind_names(group))
     if not isinstance(data, dict) or "kind" not in data:
         found = "'kind' is missing" if isinstance(data, dict) else f"{shown(data)} is not a mapping with 'kind'"
         raise invalid(f"{found}; kinds of {group}: {known}")
@@ -146,10 +155,10 @@ def _read_kind(group: str, allowed: type | None, data: Any, context: Context) ->
     if not isinstance(kind, str):
         raise invalid(f"{shown(kind)} is not a kind of {group} (known: {known})", "kind")
     try:
-        cls = plugins.load(group, kind, context.base)
+        cls = plugins.load_kind(group, kind, context.base)
         if allowed is not None and not issubclass(cls, allowed):
             raise PluginError(f"'{kind}' cannot be used here; this needs '{plugins.name_of(allowed)[1]}'")
-        result = read(cls, {key: item for key, item in data.items() if key != "kind"}, context)
+        result = read_record(cls, {key: item for key, item in data.items() if key != "kind"}, context)
         _check_record(group, result)
     except PluginError as error:
         raise invalid(str(error), "kind") from error
@@ -204,9 +213,9 @@ def record_schema(cls: type) -> dict[str, Any]:
 def _kinds_schema(group: str, allowed: type | None) -> dict[str, Any]:
     """Return the JSON Schema of a mapping with `kind`: one choice for each kind that can be loaded."""
     choices: list[dict[str, Any]] = []
-    for kind in plugins.kinds(group):
+    for kind in plugins.kind_names(group):
         try:
-            cls = plugins.load(group, kind)
+            cls = plugins.load_kind(group, kind)
         except PluginError:  # an optional package is missing; its kinds cannot be used either
             continue
         if allowed is None or issubclass(cls, allowed):

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 from hilrig.experiment.document import Keys
 
 
-class Finding(NamedTuple):
+class SchemaFinding(NamedTuple):
     """One thing that is wrong with the data, at `path`; `on_key` if the key there is wrong, not its value."""
 
     path: Keys
@@ -21,18 +21,18 @@ class Finding(NamedTuple):
 class InvalidError(Exception):
     """Data that does not fit; all that is wrong is in `findings`."""
 
-    def __init__(self, findings: list[Finding]) -> None:
+    def __init__(self, findings: list[SchemaFinding]) -> None:
         self.findings = findings
         super().__init__("; ".join(finding.message for finding in findings))
 
-    def below(self, key: str | int) -> list[Finding]:
+    def below(self, key: str | int) -> list[SchemaFinding]:
         """Return the findings as they are seen from what holds the data under `key`."""
         return [finding._replace(path=(key, *finding.path)) for finding in self.findings]
 
 
 def invalid(message: str, *path: str | int) -> InvalidError:
     """Return the error of one finding."""
-    return InvalidError([Finding(path, message)])
+    return InvalidError([SchemaFinding(path, message)])
 
 
 class Context(NamedTuple):

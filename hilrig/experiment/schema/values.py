@@ -14,7 +14,7 @@ LARGEST = 2**63 - 1
 """Of whole numbers: compiled code and ROS 2 messages have 64 bits for them"""
 
 
-class Form(NamedTuple):
+class NumericForm(NamedTuple):
     """How many numbers a parameter takes, and which."""
 
     single: bool
@@ -29,16 +29,16 @@ class Form(NamedTuple):
     """`null` will do"""
 
 
-def numeric_form(annotation: Any) -> Form | None:
+def numeric_form(annotation: Any) -> NumericForm | None:
     """Return the form of int, float, tuples of them, and unions of these with None; None for others."""
     if annotation in (int, float):
-        return Form(True, False, None, annotation is int, False)
+        return NumericForm(True, False, None, annotation is int, False)
     if annotation is types.NoneType:
-        return Form(False, False, None, False, True)
+        return NumericForm(False, False, None, False, True)
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is tuple and set(arguments) <= {int, float, Ellipsis}:
         length = None if Ellipsis in arguments else len(arguments)
-        return Form(False, True, length, int in arguments, False)
+        return NumericForm(False, True, length, int in arguments, False)
     if origin in (Union, types.UnionType):
         forms = [numeric_form(argument) for argument in arguments]
         found = [form for form in forms if form is not None]
@@ -47,8 +47,8 @@ def numeric_form(annotation: Any) -> Form | None:
     return None
 
 
-def _either(forms: list[Form]) -> Form:
-    return Form(
+def _either(forms: list[NumericForm]) -> NumericForm:
+    return NumericForm(
         any(form.single for form in forms),
         any(form.several for form in forms),
         next((form.length for form in forms if form.several), None),
@@ -57,7 +57,7 @@ def _either(forms: list[Form]) -> Form:
     )
 
 
-def read_number(value: Any, form: Form, parameter: Parameter) -> Any:
+def read_number(value: Any, form: NumericForm, parameter: Parameter) -> Any:
     """Return `value` as a float, int, tuple or None.
 
     Raises ValueError naming the value, and what is allowed.
@@ -78,7 +78,7 @@ def read_number(value: Any, form: Form, parameter: Parameter) -> Any:
     return _one(value, form, parameter)
 
 
-def _one(value: Any, form: Form, parameter: Parameter) -> float | int:
+def _one(value: Any, form: NumericForm, parameter: Parameter) -> float | int:
     if form.whole:
         if isinstance(value, bool) or not isinstance(value, int):
             raise ValueError(f"{shown(value)} is not a whole number; this needs {_described(form, parameter)}")
@@ -96,7 +96,7 @@ def _one(value: Any, form: Form, parameter: Parameter) -> float | int:
     return number
 
 
-def _described(form: Form, parameter: Parameter) -> str:
+def _described(form: NumericForm, parameter: Parameter) -> str:
     what = "a whole number" if form.whole else described(parameter.unit)
     bounds = bounds_text(parameter)
     return f"{what} ({bounds})" if bounds else what
@@ -113,7 +113,7 @@ def bounds_text(parameter: Parameter) -> str:
     return f"{high:g}{unit} or less" if abs(high) < float("inf") else ""
 
 
-def number_schema(form: Form, parameter: Parameter) -> dict[str, Any]:
+def number_schema(form: NumericForm, parameter: Parameter) -> dict[str, Any]:
     """Return the JSON Schema of the values that `read_number` takes."""
     number: dict[str, Any] = {"type": "integer" if form.whole else "number"}
     if parameter.low > -float("inf"):

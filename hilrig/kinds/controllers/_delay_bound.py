@@ -15,7 +15,7 @@ PAPER_NU = 1.006
 PAPER_KAPPA = 0.08
 """The paper's free scalar in (21), Section V"""
 
-Form = Literal["derived", "printed"]
+BoundForm = Literal["derived", "printed"]
 Gain = float | Array
 """One number for all axes, or one for each, (m,)"""
 
@@ -71,7 +71,7 @@ def delay_terms(dynamics: ErrorDynamics, p: Array) -> Array:
 
 
 def gamma(
-    dynamics: ErrorDynamics, p: Array, form: Form = "derived", nu: float = PAPER_NU, kappa: float = PAPER_KAPPA
+    dynamics: ErrorDynamics, p: Array, form: BoundForm = "derived", nu: float = PAPER_NU, kappa: float = PAPER_KAPPA
 ) -> Array:
     """Return Gamma of (21), (2m, 2m) 1/s:  2 nu/kappa P + c P A_2 (P^-1 + A_1 P^-1 A_1^T + A_2 P^-1 A_2^T) A_2^T P.
 
@@ -93,7 +93,7 @@ def gamma(
 
 def delay_bound(
     dynamics: ErrorDynamics,
-    form: Form = "derived",
+    form: BoundForm = "derived",
     nu: float = PAPER_NU,
     kappa: float = PAPER_KAPPA,
     q: Array | None = None,

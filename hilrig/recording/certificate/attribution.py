@@ -18,7 +18,7 @@ from hilrig.recording.certificate.causes import CAUSES, DRIVER, LEAST_EXCESS, UN
 from hilrig.recording.certificate.durations import Terms, late_ticks
 from hilrig.recording.certificate.late import overran
 from hilrig.recording.certificate.shares import Chain, chains, typical, ways
-from hilrig.recording.certificate.table import Flags, Stamps, Table
+from hilrig.recording.certificate.table import Flags, Stamps, StampTable
 
 DOMINANT = 0.75
 """Part of all excess that is nearly all of it, and part of the time available that is most of it"""
@@ -37,7 +37,7 @@ class Attribution(NamedTuple):
         return {name: int(np.count_nonzero(self.cause == number)) for number, name in enumerate(CAUSES)}
 
 
-def attribute(table: Table, terms: Terms) -> Attribution:
+def attribute(table: StampTable, terms: Terms) -> Attribution:
     """Return which ticks were late, and what caused each."""
     late = late_ticks(table, terms)
     cause = np.full(late.size, -1, dtype=np.int64)

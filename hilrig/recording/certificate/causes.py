@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hilrig.recording.certificate.table import Flags, Stamps, Table, resume_times
+from hilrig.recording.certificate.table import Flags, Stamps, StampTable, resume_times
 
 CAUSES = ("driver", "transport", "controller", "unknown")
 """In the order of their numbers"""
@@ -15,7 +15,7 @@ RESUME_MARGIN = 0.25
 """Part of the period within which a resumed process notes that it was resumed"""
 
 
-def stopped(table: Table, start: Stamps, end: Stamps, processes: tuple[int, ...]) -> Stamps:
+def stopped(table: StampTable, start: Stamps, end: Stamps, processes: tuple[int, ...]) -> Stamps:
     """Return which process was resumed between `start` and `end`, the first of `processes`; TRANSPORT if none was."""
     found = np.full(start.size, TRANSPORT, dtype=np.int64)
     stamps = {DRIVER: table.driver, CONTROLLER: table.answers}

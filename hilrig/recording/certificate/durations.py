@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hilrig.recording.certificate.late import is_late
-from hilrig.recording.certificate.table import NS, Flags, Stamps, Table, find
+from hilrig.recording.certificate.table import NS, Flags, Stamps, StampTable, find
 
 
 class Terms(NamedTuple):
@@ -31,7 +31,7 @@ class Terms(NamedTuple):
         return round(self.period * NS)
 
 
-def durations(table: Table, terms: Terms) -> dict[str, Stamps | None]:
+def durations(table: StampTable, terms: Terms) -> dict[str, Stamps | None]:
     """Return durations in ns, by name; None for those that cannot be known.
 
     lateness: woke - due, in real time. state_transport: measurement published to received by the controller.
@@ -52,7 +52,7 @@ def durations(table: Table, terms: Terms) -> dict[str, Stamps | None]:
     }
 
 
-def command_age(table: Table) -> Stamps:
+def command_age(table: StampTable) -> Stamps:
     """Return the age of the command in effect at each tick, (K,) ns: woke of its measurement's tick to applied.
 
     Ticks before the first command are left out, and those for which the measurement's stamps are missing.
@@ -63,7 +63,7 @@ def command_age(table: Table) -> Stamps:
     return (own.applied - own.woke[place])[known] if own.tick.size else own.applied
 
 
-def late_ticks(table: Table, terms: Terms) -> Flags:
+def late_ticks(table: StampTable, terms: Terms) -> Flags:
     """Return the ticks that were late, (N,), by the rule in `late.py`; none in lockstep, where the plant waits."""
     own = table.driver
     late = is_late(own.tick, own.command, own.due, own.applied, terms.actuation_delay, terms.period_ns)

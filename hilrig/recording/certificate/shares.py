@@ -17,7 +17,7 @@ import numpy as np
 
 from hilrig.recording.certificate.causes import CONTROLLER, DRIVER, RESUME_MARGIN, any_between, stopped
 from hilrig.recording.certificate.durations import Terms, median
-from hilrig.recording.certificate.table import Flags, Stamps, Table, find, resume_times
+from hilrig.recording.certificate.table import Flags, Stamps, StampTable, find, resume_times
 from hilrig.recording.certificate.waits import busy_between, who_made_wait
 
 
@@ -36,7 +36,7 @@ class Chain(NamedTuple):
     """Of driver, transport and controller, (L, 3)"""
 
 
-def chains(table: Table, terms: Terms, rows: Stamps) -> Chain:
+def chains(table: StampTable, terms: Terms, rows: Stamps) -> Chain:
     """Return the chains of the commands that the ticks at `rows` (L,) of the table were to apply."""
     own = table.driver
     at, known = find(own.tick, own.tick[rows] - terms.actuation_delay)
@@ -51,7 +51,7 @@ def chains(table: Table, terms: Terms, rows: Stamps) -> Chain:
     return _split(table, terms, at, known, needed, end)
 
 
-def ways(table: Table, terms: Terms) -> tuple[Stamps, Stamps]:
+def ways(table: StampTable, terms: Terms) -> tuple[Stamps, Stamps]:
     """Return the rows of the measurements whose command took effect, (W,), and the shares in them, (W, 3) ns."""
     at = np.flatnonzero(table.answered & (table.returned > 0))
     end = table.returned[at]
@@ -63,12 +63,12 @@ def typical(shares: Stamps) -> Stamps:
     return np.median(shares, axis=0).astype(np.int64) if shares.size else np.zeros(3, dtype=np.int64)
 
 
-def _usual_return(table: Table) -> int:
+def _usual_return(table: StampTable) -> int:
     home = table.answered & (table.returned > 0)
     return median((table.returned - table.answer.published)[home])
 
 
-def _split(table: Table, terms: Terms, at: Stamps, known: Flags, needed: Stamps, end: Stamps) -> Chain:
+def _split(table: StampTable, terms: Terms, at: Stamps, known: Flags, needed: Stamps, end: Stamps) -> Chain:
     own = table.driver
     driver = own.published[at] - own.due[at]
     split = _by_one_clock if table.one_clock else _by_two_clocks
@@ -77,7 +77,7 @@ def _split(table: Table, terms: Terms, at: Stamps, known: Flags, needed: Stamps,
     return Chain(known & told, own.due[at], needed, end, np.maximum(shares, 0))
 
 
-def _by_one_clock(table: Table, terms: Terms, at: Stamps, end: Stamps) -> tuple[Stamps, Flags]:
+def _by_one_clock(table: StampTable, terms: Terms, at: Stamps, end: Stamps) -> tuple[Stamps, Flags]:
     """Return the shares from published to `end`, (L, 3), and whether they are known."""
     soon = round(RESUME_MARGIN * terms.period_ns)
     published, answer, answered = table.driver.published[at], table.answer, table.answered[at]
@@ -95,7 +95,7 @@ def _by_one_clock(table: Table, terms: Terms, at: Stamps, end: Stamps) -> tuple[
     return shares, told
 
 
-def _by_two_clocks(table: Table, terms: Terms, at: Stamps, end: Stamps) -> tuple[Stamps, Flags]:
+def _by_two_clocks(table: StampTable, terms: Terms, at: Stamps, end: Stamps) -> tuple[Stamps, Flags]:
     """Return the same, without comparing the two clocks."""
     soon = round(RESUME_MARGIN * terms.period_ns)
     published, answer, answers = table.driver.published[at], table.answer, table.answers
@@ -116,14 +116,14 @@ def _by_two_clocks(table: Table, terms: Terms, at: Stamps, end: Stamps) -> tuple
     return shares, told
 
 
-def _next_answer(table: Table, at: Stamps) -> tuple[Stamps, Flags]:
+def _next_answer(table: StampTable, at: Stamps) -> tuple[Stamps, Flags]:
     """Return the index of the answer to these ticks, or of the next one, (L,), and whether there is one."""
     ticks = np.maximum.accumulate(table.answers.tick)
     place = np.searchsorted(ticks, table.driver.tick[at])
     return np.minimum(place, ticks.size - 1), place < ticks.size
 
 
-def _reached(table: Table, at: Stamps) -> tuple[Stamps, Flags]:
+def _reached(table: StampTable, at: Stamps) -> tuple[Stamps, Flags]:
     """Return when each measurement, or else the next one, was received, (L,), and whether that is known."""
     if table.answers.tick.size == 0:
         return table.driver.published[at], np.zeros(at.size, dtype=bool)
@@ -133,7 +133,7 @@ def _reached(table: Table, at: Stamps) -> tuple[Stamps, Flags]:
     return np.where(answered | told, received, table.driver.published[at]), answered | told
 
 
-def _behind(table: Table, terms: Terms, at: Stamps) -> Stamps:
+def _behind(table: StampTable, terms: Terms, at: Stamps) -> Stamps:
     """Return which process made these measurements wait for the controller, (L,)."""
     if table.answers.tick.size == 0:
         return np.full(at.size, CONTROLLER)

@@ -16,7 +16,7 @@ Stamps = NDArray[np.int64]
 """ns, (N,)"""
 Flags = NDArray[np.bool_]
 """(N,)"""
-Columns = Mapping[str, NDArray[np.generic]]
+StampColumns = Mapping[str, NDArray[np.generic]]
 """The fields of a timing channel by name, (N,) each, as `read_bag` gives them"""
 
 NS = 1_000_000_000
@@ -46,7 +46,7 @@ class ControllerStamps(NamedTuple):
     continued: Stamps
 
 
-class Table(NamedTuple):
+class StampTable(NamedTuple):
     """The chains that begin with the measurements of N ticks."""
 
     driver: DriverStamps
@@ -65,7 +65,7 @@ class Table(NamedTuple):
     """Whether both processes read the same clock"""
 
 
-def join(driver: Columns | None, controller: Columns | None, one_clock: bool = True) -> Table:
+def join(driver: StampColumns | None, controller: StampColumns | None, one_clock: bool = True) -> StampTable:
     """Return the stamps of both processes by tick.
 
     Rows may be missing on either side, in any pattern: a tick without a row of the driver is not in the table, and one
@@ -80,7 +80,7 @@ def join(driver: Columns | None, controller: Columns | None, one_clock: bool = T
     place, took_effect = find(commands, own.tick)
     rows = _picked(first, place, took_effect)
     order = np.argsort(other.received, kind="stable")
-    return Table(
+    return StampTable(
         own, answer._replace(tick=own.tick), answered,
         np.where(took_effect, own.received[rows], 0) if own.tick.size else own.received,
         np.where(took_effect, own.applied[rows], 0) if own.tick.size else own.applied,
@@ -103,7 +103,7 @@ def resume_times(stamps: DriverStamps | ControllerStamps) -> Stamps:
     return times[times > 0]
 
 
-def _rows(columns: Columns | None, names: tuple[str, ...]) -> list[Stamps]:
+def _rows(columns: StampColumns | None, names: tuple[str, ...]) -> list[Stamps]:
     """Return the columns sorted by tick, each tick once."""
     if columns is None or len(columns["tick"]) == 0:
         return [np.zeros(0, dtype=np.int64) for _ in names]

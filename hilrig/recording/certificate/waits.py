@@ -6,7 +6,7 @@ import numpy as np
 
 from hilrig.recording.certificate.causes import CONTROLLER, DRIVER, LEAST_EXCESS, RESUME_MARGIN, stopped
 from hilrig.recording.certificate.durations import Terms, median
-from hilrig.recording.certificate.table import ControllerStamps, Flags, Stamps, Table, find
+from hilrig.recording.certificate.table import ControllerStamps, Flags, Stamps, StampTable, find
 
 
 def busy_between(answers: ControllerStamps, start: Stamps, end: Stamps) -> Stamps:
@@ -22,7 +22,7 @@ def busy_between(answers: ControllerStamps, start: Stamps, end: Stamps) -> Stamp
     return np.maximum(end - start - freely.astype(np.int64), 0)
 
 
-def who_made_wait(table: Table, terms: Terms) -> Stamps:
+def who_made_wait(table: StampTable, terms: Terms) -> Stamps:
     """Return for each answer, in order of reception, which process kept the controller busy until then, (M,).
 
     That is the controller if the answer before took it longer than usual. Otherwise it is what delayed the measurement
@@ -45,7 +45,7 @@ def who_made_wait(table: Table, terms: Terms) -> Stamps:
     return cause
 
 
-def _before(table: Table, terms: Terms) -> tuple[Stamps, Stamps]:
+def _before(table: StampTable, terms: Terms) -> tuple[Stamps, Stamps]:
     """Return how much each answer's measurement was delayed before it was received, (M, 3), and its wait, (M,)."""
     answers, own = table.answers, table.driver
     place, known = find(own.tick, answers.tick)

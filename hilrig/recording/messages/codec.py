@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 PACKAGE = "hilrig_msgs"
-TYPES = {name: np.dtype(name).newbyteorder("<") for name in ("float64", "int64", "uint64")}
+ROS_TYPES = {name: np.dtype(name).newbyteorder("<") for name in ("float64", "int64", "uint64")}
 """ROS type -> numpy type. All take eight bytes: the length of a sequence never needs padding before it."""
 HEADER = "CDR header"
 """Name of the first four bytes in a message's dtype; no field of a definition can have a space in its name"""
@@ -55,8 +55,8 @@ def parse_definition(name: str, text: str) -> Definition:
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         match = _FIELD.match(line.strip())
-        if match is None or match["type"] not in TYPES:
-            raise ValueError(f"{name}: cannot read the line {line!r}; known types are {', '.join(TYPES)}")
+        if match is None or match["type"] not in ROS_TYPES:
+            raise ValueError(f"{name}: cannot read the line {line!r}; known types are {', '.join(ROS_TYPES)}")
         size = int(match["size"] or 0) if match["array"] else None
         fields.append(Field(match["name"], match["type"], size))
     return Definition(f"{PACKAGE}/msg/{name}", text, tuple(fields))
@@ -84,7 +84,7 @@ def message_dtype(definition: Definition, length: Callable[[str, int], int]) -> 
     layout: dict[str, tuple[np.dtype[Any], int]] = {HEADER: (_UINT32, 0)}
     end = _UINT32.itemsize
     for field in definition.fields:
-        number, shape = TYPES[field.type], () if field.size is None else (field.size,)
+        number, shape = ROS_TYPES[field.type], () if field.size is None else (field.size,)
         if field.size == 0:
             shape = (length(field.name, end),)
             layout[_length_of(field.name)] = (_UINT32, end)

@@ -12,7 +12,7 @@ import numpy as np
 
 from hilrig.core.errors import PluginError
 from hilrig.core.quantities import quantity
-from hilrig.experiment.schema import Context, InvalidError, describe, read
+from hilrig.experiment.schema import Context, InvalidError, describe_kind, read_record
 from hilrig.kinds.registry import dump, name_of, restore
 from hilrig.testing.rule import GROUPS, Broken, require, rule
 from hilrig.testing.subject import Subject, parameters
@@ -62,7 +62,7 @@ def parameters_can_be_searched(subject: Subject) -> None:
 @rule(*GROUPS, whole=True)
 def parameters_can_be_shown(subject: Subject) -> None:
     """`hilrig kinds` must be able to show each parameter."""
-    shown = {row.name.split(".")[0] for row in describe(subject.group, subject.kind)}
+    shown = {row.name.split(".")[0] for row in describe_kind(subject.group, subject.kind)}
     missing = set(parameters(subject.cls)) - shown
     require(not missing, f"it does not show {', '.join(sorted(missing))}")
 
@@ -73,7 +73,7 @@ def parameters_can_be_read_from_an_experiment(kind: Any) -> None:
     names = parameters(type(kind))
     document = {name: value for name, value in dump(kind).items() if name in names}
     try:
-        found = read(type(kind), document, Context(Path()))
+        found = read_record(type(kind), document, Context(Path()))
     except (InvalidError, PluginError) as error:
         raise Broken(f"{document} is refused: {error}") from error
     for name in names:

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from hilrig.cli.doctor.findings import Finding, findings, from_probe
 from hilrig.cli.doctor.host import Host, IdleState, Tried, read_host
 from hilrig.cli.doctor.probe import wait_for
-from hilrig.cli.doctor.verdict import Probe, Stamps, judge, summarise
+from hilrig.cli.doctor.verdict import Probe, ProbeStamps, judge_probe, summarise_probe
 from hilrig.core.errors import RigError
 from hilrig.rig.processes import ChildProcess, kill_all
 
@@ -211,7 +211,7 @@ JUDGED: list[tuple[dict[str, Any], str, str]] = [
 
 @pytest.mark.parametrize(("changes", "word", "reason"), JUDGED)
 def test_the_verdict_follows_its_rule(changes: dict[str, Any], word: str, reason: str) -> None:
-    verdict = judge(probe(**changes))
+    verdict = judge_probe(probe(**changes))
     assert verdict.word == word
     assert reason in "\n".join(verdict.because)
     assert bool(verdict.because) == (word != "ready")
@@ -222,24 +222,24 @@ def test_stolen_time_is_a_fault() -> None:
     assert from_probe(probe(steal=0.05))[0][1:3] == ("5.0% went to other virtual machines", "fault")
 
 
-def stamps(lateness: list[int], trips: list[int | None]) -> Stamps:
+def stamps(lateness: list[int], trips: list[int | None]) -> ProbeStamps:
     """Return the stamps of ticks 1 ms apart that woke so late, and whose answers took so long, all in us."""
     due = (1 + np.arange(len(lateness))) * 1_000_000
     woke = due + np.array(lateness) * 1000
     received = [0 if trip is None else at + trip * 1000 for at, trip in zip(woke.tolist(), trips, strict=True)]
-    return Stamps(1_000_000, due, woke, woke, np.array(received))
+    return ProbeStamps(1_000_000, due, woke, woke, np.array(received))
 
 
 def test_a_tick_is_late_if_its_answer_is_not_there_or_if_it_began_a_period_late() -> None:
-    quiet = summarise(stamps([5] * 6, [200] * 6), 0.0, {})
+    quiet = summarise_probe(stamps([5] * 6, [200] * 6), 0.0, {})
     assert (quiet.ticks, quiet.late, quiet.unanswered) == (6, 0, 0)
     assert quiet.lateness_us == {"p50": 5.0, "p99": 5.0, "p99.9": 5.0, "max": 5.0}
     assert quiet.round_trip_us == {"p50": 200.0, "p99": 200.0, "p99.9": 200.0, "max": 200.0}
-    assert summarise(stamps([5] * 6, [200, 1001, 999, 200, None, 200]), 0.0, {}).late == 2
+    assert summarise_probe(stamps([5] * 6, [200, 1001, 999, 200, None, 200]), 0.0, {}).late == 2
     # Tick 2 began a period late, and so its answer was not there at tick 3.
-    assert summarise(stamps([5, 5, 1000, 5, 5, 5], [200] * 6), 0.0, {}).late == 2
-    assert summarise(stamps([5, 5, 5, 5, 5, 1000], [200] * 6), 0.0, {}).late == 1
-    assert summarise(stamps([5] * 3, [None] * 3), 0.0, {}).round_trip_us == {}
+    assert summarise_probe(stamps([5, 5, 1000, 5, 5, 5], [200] * 6), 0.0, {}).late == 2
+    assert summarise_probe(stamps([5, 5, 5, 5, 5, 1000], [200] * 6), 0.0, {}).late == 1
+    assert summarise_probe(stamps([5] * 3, [None] * 3), 0.0, {}).round_trip_us == {}
 
 
 @given(st.lists(st.tuples(st.integers(0, 900), st.none() | st.integers(1, 3000)), min_size=2, max_size=50))
@@ -251,7 +251,7 @@ def test_late_ticks_are_those_that_a_loop_of_one_tick_of_delay_would_hold(ticks:
     for k in range(1, len(ticks)):
         there = {i for i, at in enumerate(arrival) if at is not None and at <= 1000 * k + lateness[k]}
         held += (k - 1) not in there
-    found = summarise(stamps(lateness, trips), 0.0, {})
+    found = summarise_probe(stamps(lateness, trips), 0.0, {})
     assert (found.late, found.unanswered) == (held, trips.count(None))
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hilrig.core.errors import LONGEST, PluginError, authors_line, describe, raised
+from hilrig.core.errors import LONGEST, PluginError, authors_line, describe_error, raised
 from hilrig.core.parameters import per_axis
 
 
@@ -26,7 +26,7 @@ class SilentError(Exception):
     ],
 )
 def test_an_exception_is_described_in_one_line(error: BaseException, words: str) -> None:
-    assert describe(error) == words
+    assert describe_error(error) == words
 
 
 def test_a_long_message_is_cut() -> None:
@@ -57,7 +57,7 @@ def caught(tmp_path: Path, code: str) -> BaseException:
 def test_an_error_is_the_authors_wherever_it_was_raised(tmp_path: Path, code: str, line: int) -> None:
     error = caught(tmp_path, code)
     assert isinstance(error, RecursionError) or authors_line(error) == (str(tmp_path / "mine.py"), line)
-    assert " at mine.py:" in describe(error)
+    assert " at mine.py:" in describe_error(error)
 
 
 def test_a_library_counts_if_it_is_the_kinds_own(tmp_path: Path) -> None:

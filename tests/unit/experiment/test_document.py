@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hilrig.core.errors import ExperimentError, Place
-from hilrig.experiment.document import parse, read
+from hilrig.experiment.document import parse, read_document
 
 TEXT = """\
 a: 1
@@ -85,8 +85,8 @@ def test_every_problem_of_a_document_is_reported() -> None:
 def test_a_byte_order_mark_does_not_count(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_bytes(b"\xef\xbb\xbfa: 1\n")
-    assert read(path).data == {"a": 1}
-    assert read(path).place("a", key=True).column == 1
+    assert read_document(path).data == {"a": 1}
+    assert read_document(path).place("a", key=True).column == 1
 
 
 @given(st.text(max_size=60))

@@ -11,7 +11,7 @@ from hilrig.experiment import Experiment, experiment_schema, load
 from hilrig.experiment.plan import plan
 from hilrig.experiment.plan.assessing import assess
 from hilrig.experiment.plan.warnings import warnings
-from hilrig.experiment.schema import describe
+from hilrig.experiment.schema import describe_kind
 from hilrig.kinds import registry as plugins
 from hilrig.kinds.references.hold import Hold
 from hilrig.kinds.references.sine import Sine
@@ -247,10 +247,10 @@ def test_the_schema_knows_every_key_of_an_experiment() -> None:
 @pytest.mark.parametrize("group", ["controllers", "references", "disturbances", "drivers", "robots"])
 def test_the_schema_knows_every_kind_and_its_parameters(group: str) -> None:
     document = experiment_schema()
-    for kind in plugins.kinds(group):
+    for kind in plugins.kind_names(group):
         found = branches(document, kind)
         assert found
-        names = {row.name.split(".")[0] for row in describe(group, kind)}
+        names = {row.name.split(".")[0] for row in describe_kind(group, kind)}
         assert set(found[0]["properties"]) == {"kind", *names}
         assert found[0]["additionalProperties"] is False
 
@@ -263,8 +263,8 @@ def test_the_schema_knows_bounds() -> None:
 
 
 def test_parameters_are_described_with_unit_default_and_bounds() -> None:
-    rows = {row.name: row for row in describe("drivers", "two_link")}
+    rows = {row.name: row for row in describe_kind("drivers", "two_link")}
     assert rows["surface.stiffness"][1:] == ("N/m", "800", 0.0, 1e7, "log", "K_e")
     assert rows["robot.lengths"].default == "required"
     assert rows["actuation.mode"].meaning == "torque | position_servo"
-    assert {row.unit for row in describe("references", "hold")} == {"m or N"}
+    assert {row.unit for row in describe_kind("references", "hold")} == {"m or N"}

@@ -10,7 +10,7 @@ from helpers.builders import PERIOD, record
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hilrig.kinds.registry import load
+from hilrig.kinds.registry import load_kind
 
 TICKS = 10_000
 SIZES = st.floats(0.01, 100.0)
@@ -18,7 +18,7 @@ SIZES = st.floats(0.01, 100.0)
 
 def measured(kind: str, **changes: Any) -> dict[str, float]:
     """Return what a metric says of 10 s of rest with `changes`."""
-    return load("metrics", kind)().measure(record(TICKS, **changes))
+    return load_kind("metrics", kind)().measure(record(TICKS, **changes))
 
 
 def column(x: np.ndarray | float, z: np.ndarray | float) -> np.ndarray:

@@ -44,19 +44,19 @@ def offer(folder: Path, monkeypatch: pytest.MonkeyPatch, group: str, entry: str)
 
 
 def test_built_in_kinds_are_the_files() -> None:
-    assert plugins.kinds("references") == ("csv", "hold", "min_jerk", "sine", "waypoints")
-    assert plugins.load("controllers", "pd") is Pd
+    assert plugins.kind_names("references") == ("csv", "hold", "min_jerk", "sine", "waypoints")
+    assert plugins.load_kind("controllers", "pd") is Pd
 
 
 def test_entry_points_are_found() -> None:
-    assert {"two_link", "pybullet_arm"} <= set(plugins.kinds("drivers"))
-    assert plugins.name_of(plugins.load("drivers", "two_link")) == ("drivers", "two_link")
+    assert {"two_link", "pybullet_arm"} <= set(plugins.kind_names("drivers"))
+    assert plugins.name_of(plugins.load_kind("drivers", "two_link")) == ("drivers", "two_link")
 
 
 @pytest.mark.parametrize("group", [group for group in plugins.PROTOCOLS if group != "drivers"])
 def test_every_kind_loads_and_knows_its_name(group: str) -> None:
-    for kind in plugins.kinds(group):
-        assert plugins.name_of(plugins.load(group, kind)) == (group, kind)
+    for kind in plugins.kind_names(group):
+        assert plugins.name_of(plugins.load_kind(group, kind)) == (group, kind)
 
 
 @pytest.mark.parametrize(
@@ -71,23 +71,23 @@ def test_two_packages_cannot_offer_the_same_kind(
 ) -> None:
     offer(tmp_path, monkeypatch, group, entry)
     with pytest.raises(PluginError, match=words):
-        plugins.kinds(group)
+        plugins.kind_names(group)
 
 
 def test_a_package_that_is_installed_twice_is_no_clash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = plugins.kinds("drivers")
+    before = plugins.kind_names("drivers")
     offer(tmp_path, monkeypatch, "drivers", "two_link = hilrig_drivers.two_link")
-    assert plugins.kinds("drivers") == before
+    assert plugins.kind_names("drivers") == before
 
 
 def test_an_unknown_kind_names_the_choices_and_the_nearest() -> None:
     with pytest.raises(PluginError, match=r"no kind 'sin' of references; did you mean 'sine'\? \(known: csv, hold"):
-        plugins.load("references", "sin")
+        plugins.load_kind("references", "sin")
 
 
 def test_an_unknown_group_names_the_nearest() -> None:
     with pytest.raises(PluginError, match="did you mean 'controllers'"):
-        plugins.kinds("controler")
+        plugins.kind_names("controler")
 
 
 def test_parameters_survive_dump_and_restore_exactly() -> None:
@@ -98,8 +98,8 @@ def test_parameters_survive_dump_and_restore_exactly() -> None:
 
 
 def test_nested_kinds_and_parts_survive() -> None:
-    driver = plugins.load("drivers", "two_link")
-    robot = plugins.load("robots", "planar_2r")(lengths=(0.3, 0.2), masses=(1.0, 1.0), dynamic_lengths=(1.0, 2.0))
+    driver = plugins.load_kind("drivers", "two_link")
+    robot = plugins.load_kind("robots", "planar_2r")(lengths=(0.3, 0.2), masses=(1.0, 1.0), dynamic_lengths=(1.0, 2.0))
     made = driver(robot=robot, surface=Surface(0.3, pulls=True))
     document = plugins.dump(made)
     assert document["robot"]["kind"] == "planar_2r"
@@ -151,7 +151,7 @@ class Mine:
 
 def test_infinities_mappings_and_parts_survive(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(PARTS)
-    made = plugins.load("controllers", "./mine.py", tmp_path)()
+    made = plugins.load_kind("controllers", "./mine.py", tmp_path)()
     text = json.dumps(plugins.dump(made), allow_nan=False)
     assert plugins.restore("controllers", json.loads(text)) == made
 
@@ -170,7 +170,7 @@ NUMBERS = [
 @pytest.mark.parametrize("value", NUMBERS, ids=repr)
 def test_numpys_values_are_written_as_pythons(tmp_path: Path, value: Any) -> None:
     (tmp_path / "mine.py").write_text(PARTS)
-    cls = plugins.load("controllers", "./mine.py", tmp_path)
+    cls = plugins.load_kind("controllers", "./mine.py", tmp_path)
     document = json.loads(json.dumps(plugins.dump(cls(number=value))))
     assert document["number"] == value.tolist()
     assert plugins.restore("controllers", document) == cls(number=plain(value))
@@ -179,7 +179,7 @@ def test_numpys_values_are_written_as_pythons(tmp_path: Path, value: Any) -> Non
 @pytest.mark.parametrize(("value", "words"), [(float("nan"), "'number' is NaN"), (1j, "'number' is a complex")])
 def test_what_cannot_be_written_is_refused_by_name(tmp_path: Path, value: Any, words: str) -> None:
     (tmp_path / "mine.py").write_text(PARTS)
-    made = plugins.load("controllers", "./mine.py", tmp_path)(number=value)
+    made = plugins.load_kind("controllers", "./mine.py", tmp_path)(number=value)
     with pytest.raises(PluginError, match=words):
         plugins.dump(made)
 
@@ -192,7 +192,7 @@ def test_a_document_without_a_kind_is_refused(document: dict[str, Any]) -> None:
 
 def test_a_users_file_is_found_from_the_experiments_folder(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(CONTROLLER.format(gain=1.0))
-    cls = plugins.load("controllers", "./mine.py", tmp_path)
+    cls = plugins.load_kind("controllers", "./mine.py", tmp_path)
     document = plugins.dump(cls(gain=3.0))
     assert document["kind"] == str(tmp_path / "mine.py")
     assert plugins.restore("controllers", document) == cls(gain=3.0)
@@ -201,10 +201,10 @@ def test_a_users_file_is_found_from_the_experiments_folder(tmp_path: Path) -> No
 def test_the_same_file_is_the_same_class_and_a_changed_one_is_not(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
     path.write_text(CONTROLLER.format(gain=1.0))
-    first = plugins.load("controllers", str(path))
-    assert plugins.load("controllers", "mine.py", tmp_path) is first
+    first = plugins.load_kind("controllers", str(path))
+    assert plugins.load_kind("controllers", "mine.py", tmp_path) is first
     path.write_text(CONTROLLER.format(gain=2.0))
-    assert plugins.load("controllers", str(path))().gain == 2.0
+    assert plugins.load_kind("controllers", str(path))().gain == 2.0
 
 
 def test_restoring_needs_no_heavy_import() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hilrig.recording.certificate.attribution import attribute
 from hilrig.recording.certificate.causes import CAUSES
 from hilrig.recording.certificate.durations import Terms
-from hilrig.recording.certificate.table import Table, join
+from hilrig.recording.certificate.table import StampTable, join
 
 APART = 30
 """Ticks between two stalls: each is over, with all that follows from it, when the next one comes"""
@@ -28,7 +28,7 @@ LOOPS: dict[str, dict[str, Any]] = {
 }
 
 
-def certified(loop: Loop) -> tuple[Table, Terms]:
+def certified(loop: Loop) -> tuple[StampTable, Terms]:
     terms = Terms("realtime", loop.period / 1e9, loop.delay)
     return join(*loop.run().columns(), one_clock=loop.offset == 0), terms
 

@@ -12,13 +12,13 @@ from helpers.loop_simulation import MS, Loop, Stall
 from hilrig.experiment.timing_budget import TimingBudget
 from hilrig.experiment.trial import Trial
 from hilrig.recording.certificate.durations import Terms
-from hilrig.recording.certificate.table import Columns
+from hilrig.recording.certificate.table import StampColumns
 from hilrig.recording.timing import DURATIONS, certify, terms_of
 
 TERMS, BUDGET = Terms("realtime", 1e-3, 1), TimingBudget()
 
 
-def channels(*stalls: Stall, ticks: int = 200) -> dict[str, Columns]:
+def channels(*stalls: Stall, ticks: int = 200) -> dict[str, StampColumns]:
     return dict(zip(("driver_timing", "controller_timing"), Loop(list(stalls), ticks).run().columns(), strict=True))
 
 

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from hilrig.experiment.expecting import ended_early, ends_as_expected
 from hilrig.report.comparison import verdict
 from hilrig.report.dataset import TrialEntry
-from hilrig.report.expectations import Expected, judge
-from hilrig.report.measures import COLUMNS
+from hilrig.report.expectations import Expected, judge_expectations
+from hilrig.report.measures import METRIC_COLUMNS
 
 VALUES = [2.0, 1.0, 3.0]
 EXPECTED = {"metric": "position_rmse", "controller": "a", "phase": "all", "axis": None, "condition": None}
@@ -26,7 +26,7 @@ EXPECTED = {"metric": "position_rmse", "controller": "a", "phase": "all", "axis"
 def judged(metrics: pd.DataFrame | None = None, outcomes: tuple[Any, ...] = (), **changes: Any) -> Expected:
     """Judge one expectation of controller a, by default on its three values."""
     metrics = metric_table({"a": VALUES}) if metrics is None else metrics
-    (found,) = judge([{**EXPECTED, "below": None, "above": None, **changes}], metrics, outcomes)
+    (found,) = judge_expectations([{**EXPECTED, "below": None, "above": None, **changes}], metrics, outcomes)
     return found
 
 
@@ -90,7 +90,7 @@ def test_only_trials_it_speaks_of_are_missed() -> None:
 
 
 def test_what_was_never_measured_is_not_met() -> None:
-    nothing = pd.DataFrame(columns=list(COLUMNS))
+    nothing = pd.DataFrame(columns=list(METRIC_COLUMNS))
     found = judged(nothing, (trial_entry("a", outcome="aborted"),), below=5.0)
     assert (found.met, found.value, found.missing) == (False, None, 1)
     assert (found.seen, found.basis) == ("nothing", "1 trial not completed")
@@ -239,7 +239,9 @@ def ended(*outcomes: str, condition: str = "quiet") -> tuple[TrialEntry, ...]:
 
 
 def outcome_of(trials: tuple[TrialEntry, ...], outcome: str, condition: str | None = None) -> Expected:
-    (found,) = judge([{"controller": "a", "outcome": outcome, "condition": condition}], metric_table({}), trials)
+    (found,) = judge_expectations(
+        [{"controller": "a", "outcome": outcome, "condition": condition}], metric_table({}), trials
+    )
     return found
 
 

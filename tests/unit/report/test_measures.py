@@ -10,7 +10,7 @@ from helpers.builders import record
 from helpers.report_builders import PERIOD, trial_document, trial_entry
 
 from hilrig.report.dataset import TrialSignals, align
-from hilrig.report.measures import all_metrics, measure, spans
+from hilrig.report.measures import all_metrics, measure_trial, spans
 
 PHASES = [{"name": "before", "start": 0.0, "end": 4 * PERIOD}, {"name": "after", "start": 4 * PERIOD, "end": 1.0}]
 COMMON = np.array([1, 2, 4, 6, 7, 8])
@@ -136,7 +136,9 @@ def test_a_phase_is_measured_with_its_own_step_of_the_reference() -> None:
     whole = record(10, phases=2, reference_position=desired, position=position)
     trial = trial_entry("a", "rough", 3, phases=tuple(PHASES))
     head = ("a.rough.3", "a", "rough", 3)
-    assert measure(trial, TrialSignals(whole, {}, "truth"), {"settling_time": all_metrics()["settling_time"]}) == [
+    assert measure_trial(
+        trial, TrialSignals(whole, {}, "truth"), {"settling_time": all_metrics()["settling_time"]}
+    ) == [
         (*head, "before", "settling_time", "x", 0.0, "s"),
         (*head, "after", "settling_time", "x", pytest.approx(2 * PERIOD), "s"),
     ]

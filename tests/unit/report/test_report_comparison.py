@@ -9,7 +9,7 @@ from helpers.report_builders import metric_table
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hilrig.report.comparison import interval, summarise, verdict, verdicts
+from hilrig.report.comparison import interval, summarise_metrics, verdict, verdicts
 from hilrig.report.curves import Curve, limits, thin
 from hilrig.report.style import Style
 
@@ -72,7 +72,7 @@ def test_the_order_of_controllers_does_not_matter(order: list[str]) -> None:
 
 def test_a_summary_counts_the_repeats_that_have_a_value() -> None:
     """Of 1, 2, 3 the deviation is 1; the standard error would be 0.577."""
-    found = summarise(metric_table({"a": [1.0, 2.0, 3.0], "b": [4.0, np.nan, 4.0], "c": [5.0]}))
+    found = summarise_metrics(metric_table({"a": [1.0, 2.0, 3.0], "b": [4.0, np.nan, 4.0], "c": [5.0]}))
     assert list(found["controller"]) == ["a", "b", "c"]
     assert list(found["mean"]) == [2.0, 4.0, 5.0]
     assert list(found["sd"]) == pytest.approx([1.0, 0.0, np.nan], nan_ok=True)

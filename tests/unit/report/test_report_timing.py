@@ -12,7 +12,7 @@ import pytest
 from helpers.loop_simulation import MS, Loop, Stall
 from helpers.report_builders import SIZES, in_real_time, make_run
 
-from hilrig.recording.run_directory import ending, read_outcome, reason
+from hilrig.recording.run_directory import ending, read_outcome, reason_of
 from hilrig.report import junit_xml, make_report, measure_run
 
 TICKS = 1000
@@ -152,7 +152,7 @@ def test_the_reason_has_both(tmp_path: Path) -> None:
     run = make_run(tmp_path / "run", {"small": 1.0}, repeats=1, failed=("small.quiet.0",))
     path = run / "trials" / "small.quiet.0" / "timing.json"
     path.write_text(json.dumps({"invalid_because": ["late ticks 2 %, at most 0.5 %", "command age p99 3 ms"]}))
-    assert reason(read_outcome(run, "small.quiet.0")) == (
+    assert reason_of(read_outcome(run, "small.quiet.0")) == (
         "tripped: force above 200 N at t = 0.5 s; outside its timing budget: late ticks 2 %, at most 0.5 %; "
         "command age p99 3 ms"
     )

@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 from helpers.report_builders import metric_table
 
-from hilrig.report.comparison import summarise, verdicts
-from hilrig.report.verdict_table import Table, answer, verdict_tables
+from hilrig.report.comparison import summarise_metrics, verdicts
+from hilrig.report.verdict_table import VerdictTable, answer_question, verdict_tables
 
 NAMES = ("a", "b")
 
@@ -22,8 +22,8 @@ METRICS = pd.concat([
 ])  # fmt: skip
 
 
-def tables() -> list[Table]:
-    return verdict_tables(summarise(METRICS), verdicts(METRICS), NAMES)
+def tables() -> list[VerdictTable]:
+    return verdict_tables(summarise_metrics(METRICS), verdicts(METRICS), NAMES)
 
 
 def test_a_table_for_each_condition_and_phase() -> None:
@@ -64,7 +64,7 @@ def test_a_controller_without_a_value_has_an_empty_cell() -> None:
 
 
 def test_the_answer_is_about_the_whole_trial() -> None:
-    assert answer(verdicts(METRICS), summarise(METRICS), NAMES) == [
+    assert answer_question(verdicts(METRICS), summarise_metrics(METRICS), NAMES) == [
         "Condition quiet: b has the lowest force RMSE z (0.25 N); a has the lowest position RMSE x (1.01 mm).",
         "Condition rough: no verdict on position RMSE x (within the spread).",
         "Of the 6 rows of the tables, a is marked best in 1, b in 2, and none in 3.",
@@ -73,5 +73,5 @@ def test_the_answer_is_about_the_whole_trial() -> None:
 
 def test_a_single_controller_is_not_compared() -> None:
     alone = METRICS[METRICS["controller"] == "a"]
-    (sentence,) = answer(verdicts(alone), summarise(alone), ("a",))
+    (sentence,) = answer_question(verdicts(alone), summarise_metrics(alone), ("a",))
     assert "nothing to compare" in sentence

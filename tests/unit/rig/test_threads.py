@@ -106,7 +106,7 @@ def test_a_background_sender_sends_everything_in_order(messages: list[bytes]) ->
 
 def test_a_background_sender_that_is_blocked_blocks_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
     """It keeps the newest packets, because the logger waits for the last one."""
-    monkeypatch.setattr(background_sender, "MOST", 5)
+    monkeypatch.setattr(background_sender, "MOST_WAITING", 5)
     sent: list[bytes] = []
     blocked, go = Event(), Event()
 

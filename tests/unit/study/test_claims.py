@@ -13,12 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from hilrig.study.claims import LEAST_PAIRS, Result, all_of, difference, judge, paired, relative
+from hilrig.study.claims import LEAST_CLAIM_PAIRS, Result, all_of, difference, judge_claim, paired, relative
 from hilrig.study.evidence import Evidence, judge_claims
 from hilrig.study.model import Claim, EqualsWithin, LessThan, Part
 
 BELOW = (-math.inf, 1.0)
-numbers = st.lists(st.floats(-1e3, 1e3), min_size=LEAST_PAIRS, max_size=30).map(np.array)
+numbers = st.lists(st.floats(-1e3, 1e3), min_size=LEAST_CLAIM_PAIRS, max_size=30).map(np.array)
 edges = st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3)).map(sorted).map(tuple)
 
 
@@ -47,14 +47,14 @@ def spread(mean: float, half: float) -> np.ndarray:
 def test_the_side_of_the_interval_decides(
     mean: float, half: float, claimed: tuple[float, float], result: Result
 ) -> None:
-    found = judge(spread(mean, half), claimed)
+    found = judge_claim(spread(mean, half), claimed)
     assert found.result == result
     assert (found.low, found.high) == pytest.approx((mean - half, mean + half), abs=1e-9)
 
 
 @given(numbers, edges)
 def test_the_interval_agrees_with_another_library(values: np.ndarray, claimed: tuple[float, float]) -> None:
-    found = judge(values, claimed)
+    found = judge_claim(values, claimed)
     error = float(stats.sem(values))
     low, high = stats.t.interval(0.95, values.size - 1, loc=np.mean(values), scale=error) if error else (values[0],) * 2
     assert (found.low, found.high) == pytest.approx((low, high), rel=1e-6, abs=1e-9)
@@ -62,7 +62,7 @@ def test_the_interval_agrees_with_another_library(values: np.ndarray, claimed: t
 
 @given(numbers, st.floats(-1e3, 1e3))
 def test_a_claim_and_its_opposite_are_never_both_reproduced(values: np.ndarray, limit: float) -> None:
-    below, above = judge(values, (-math.inf, limit)).result, judge(values, (limit, math.inf)).result
+    below, above = judge_claim(values, (-math.inf, limit)).result, judge_claim(values, (limit, math.inf)).result
     assert {below, above} in (
         {"cannot tell"},
         {"reproduced", "not reproduced"},
@@ -72,17 +72,17 @@ def test_a_claim_and_its_opposite_are_never_both_reproduced(values: np.ndarray, 
         assert np.all(values == limit)
 
 
-@given(st.lists(st.floats(-1e3, 1e3), max_size=LEAST_PAIRS - 1).map(np.array), edges)
+@given(st.lists(st.floats(-1e3, 1e3), max_size=LEAST_CLAIM_PAIRS - 1).map(np.array), edges)
 def test_too_few_repeats_cannot_tell(values: np.ndarray, claimed: tuple[float, float]) -> None:
-    found = judge(values, claimed)
+    found = judge_claim(values, claimed)
     assert (found.result, found.pairs) == ("cannot tell", values.size)
     assert found.reason
 
 
 def test_identical_repeats_are_known_exactly() -> None:
-    assert judge(np.full(LEAST_PAIRS, 0.999), BELOW).result == "reproduced"
-    assert judge(np.full(LEAST_PAIRS, 1.0), BELOW).result == "not reproduced"
-    assert judge(np.full(LEAST_PAIRS, 0.5), BELOW).reason == "the same in every repeat"
+    assert judge_claim(np.full(LEAST_CLAIM_PAIRS, 0.999), BELOW).result == "reproduced"
+    assert judge_claim(np.full(LEAST_CLAIM_PAIRS, 1.0), BELOW).result == "not reproduced"
+    assert judge_claim(np.full(LEAST_CLAIM_PAIRS, 0.5), BELOW).reason == "the same in every repeat"
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ def test_identical_repeats_are_known_exactly() -> None:
     ],
 )
 def test_what_is_not_finite(odd: list[float], claimed: tuple[float, float], result: Result) -> None:
-    assert judge(np.array(odd), claimed).result == result
+    assert judge_claim(np.array(odd), claimed).result == result
 
 
 @pytest.mark.parametrize(
