@@ -32,14 +32,14 @@ def errors(validator: Draft202012Validator, data: Any) -> list[str]:
 
 @pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda path: path.stem)
 def test_it_takes_every_experiment_that_ships(validator: Draft202012Validator, path: Path) -> None:
-    assert errors(validator, document.read(path).data) == []
+    assert errors(validator, document.read_document(path).data) == []
 
 
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
 def test_a_studys_takes_every_study_that_ships(path: Path) -> None:
     schema = json_schema(Study)
     Draft202012Validator.check_schema(schema)
-    assert errors(Draft202012Validator(schema), document.read(path).data) == []
+    assert errors(Draft202012Validator(schema), document.read_document(path).data) == []
 
 
 def test_it_takes_a_controller_in_a_file_of_the_users(validator: Draft202012Validator) -> None:
