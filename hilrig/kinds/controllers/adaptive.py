@@ -70,6 +70,8 @@ def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Ar
     e, s, v, a = sliding_reference(c.slope, a_d, memory.filter_position, memory.filter_velocity, state)
     y = regressor_matrix(state.regressor, v, a)
     joint_error = solve(state.jacobian, s)
+    # `[:] =` writes into the arrays that are recorded; the fields of a NamedTuple cannot be bound to other arrays.
+    # numba gives np.dot to BLAS, which is fast on contiguous matrices only; Y^T is a view that is not.
     memory.parameter_estimate[:] += state.elapsed * c.rate * np.dot(np.ascontiguousarray(y.T), joint_error)
     memory.tracking_error[:] = e
     memory.sliding_variable[:] = s

@@ -78,6 +78,7 @@ def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Ar
     """Return the joint torque (n,) N m and move `memory` on by one period."""
     sigma = c.impedance.sigma
     advance_filter(c.impedance, state.elapsed, memory.filter_position, memory.filter_velocity, state, reference)
+    # `[:] =` writes into the array that is recorded; the fields of a NamedTuple cannot be bound to other arrays.
     memory.tracking_error[:] = memory.filter_position - state.position
     if c.direct:
         move = c.stiffness * (reference.position - state.position)
@@ -88,6 +89,7 @@ def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Ar
         rate = memory.filter_velocity - state.velocity
         memory.task_force[:] = c.stiffness * memory.tracking_error + c.damping * rate
     if c.use_model:
+        # M a + C v + G at v = a = 0: the nominal parameters have no friction, so this is gravity alone.
         still = np.zeros(state.joint_position.size)
         weight = model_torque(state.regressor, still, still, c.nominal)
     else:

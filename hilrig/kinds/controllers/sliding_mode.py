@@ -74,9 +74,11 @@ def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Ar
     """Return the joint torque (n,) N m and move `memory` on by one period."""
     a_d = advance_filter(c.impedance, state.elapsed, memory.filter_position, memory.filter_velocity, state, reference)
     e, s, v, a = sliding_reference(c.slope, a_d, memory.filter_position, memory.filter_velocity, state)
+    # A loop, not np.clip and np.where: each of those would allocate at every tick.
     for i in range(s.size):
         level = np.sign(s[i]) if c.sign else min(max(s[i] / c.boundary, -1.0), 1.0)
         memory.switching_force[i] = c.gain[i] * level
+    # `[:] =` writes into the arrays that are recorded; the fields of a NamedTuple cannot be bound to other arrays.
     memory.tracking_error[:] = e
     memory.sliding_variable[:] = s
     equivalent = model_torque(state.regressor, v, a, c.nominal)

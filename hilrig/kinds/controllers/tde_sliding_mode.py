@@ -125,8 +125,11 @@ class Memory(NamedTuple):
 @kernel
 def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Array:
     """Return the joint torque (n,) N m and move `memory` on by one period."""
+    # The only two arrays of a tick are made here, so that the kernels below can do without numba's reference counting.
+    # J^T is copied because `eliminate` destroys its matrix.
     torque = np.zeros(state.torque.size)
     estimate(c, memory, state, state.jacobian.T.copy())
+    # Before the filter moves on: the estimate as printed takes a_d of the last tick.
     move_filter(
         c.impedance, state.elapsed, memory.filter_position, memory.filter_velocity, state, reference,
         memory.desired_acceleration,
@@ -139,6 +142,7 @@ def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Ar
 @kernel_without_arrays
 def estimate(c: Constants, memory: Memory, state: State, lever: Array) -> None:
     """Set S_hat (m,) N, eq. (11), in `memory`, which has x' and a_d of the last tick. `lever` is J^T, used up."""
+    # J^T f = tau is solved in place: `memory.estimate` is the right-hand side first and f afterwards (n = m).
     for i in range(memory.estimate.size):
         memory.estimate[i] = memory.torque_share[0] * state.torque[i]
     eliminate(lever, memory.estimate)
@@ -151,12 +155,15 @@ def estimate(c: Constants, memory: Memory, state: State, lever: Array) -> None:
 @kernel_without_arrays
 def last_acceleration(memory: Memory, state: State, i: int) -> float:
     """Return x'' of axis `i` over the period that has just passed, m/s^2."""
+    # This, `adapt` and `switching` are functions so that experiments/paper/law_as_printed.py can put a misprint in
+    # their place. They are inlined and cost no call.
     return (state.velocity[i] - memory.last_velocity[i]) / state.elapsed
 
 
 @kernel_without_arrays
 def slide(c: Constants, memory: Memory, state: State) -> None:
     """Set e and xi in `memory`, which has xi of the last tick, and adapt the gains."""
+    # xi of the last tick lies in the same array: it is read before the new one is written over it.
     square, turn = 0.0, 0.0
     for i in range(state.position.size):
         e = memory.filter_position[i] - state.position[i]
@@ -171,12 +178,14 @@ def slide(c: Constants, memory: Memory, state: State) -> None:
 def adapt(c: Constants, memory: Memory, elapsed: float, size: float, outward: bool) -> None:
     """Move alpha on by `elapsed` (s), eq. (15), in place; `size` is |xi|, `outward` whether it grows."""
     floor = c.gains_floor
+    # The cases of alpha_1 depend on alpha_2 and alpha_3 before they move on.
     alpha_1, alpha_2, alpha_3 = memory.alpha_1[0], memory.alpha_2[0], memory.alpha_3[0]
     above_2, above_3 = alpha_2 > floor[1], alpha_3 > floor[2]
     if alpha_1 <= floor[0] or (outward and above_2 and above_3):
         memory.alpha_1[0] = alpha_1 + elapsed * c.growth * size
     else:
         memory.alpha_1[0] = max(alpha_1 - elapsed * c.decay * size, 0.0)
+    # A gain at its floor stays there; with a floor of 0 the quotient below would be infinite.
     if above_3:
         memory.alpha_3[0] = max(alpha_3 - elapsed * size / alpha_3, floor[2])
     if above_2:
@@ -192,6 +201,7 @@ def press(c: Constants, memory: Memory, state: State, torque: Array) -> None:
         u += c.velocity_gain * (memory.filter_velocity[i] - state.velocity[i])
         u += c.position_gain * memory.tracking_error[i]
         force = c.inertia_estimate[i] * u + memory.estimate[i]
+        # J^T f by hand: np.dot would allocate, and a call to BLAS costs more than these few products.
         for j in range(torque.size):
             torque[j] += state.jacobian[i, j] * force
 

@@ -144,19 +144,15 @@ def with_hook(folder: Path, hook: str, imports: str = "") -> Path:
     return folder / "mine.yaml"
 
 
-DAMPED = """
-    def assess(self, setting):
-        paths = setting.paths
-        ratios = [self.damping / (2 * np.sqrt(self.stiffness / path.mobility[:, 0, 0])) for path in paths]
-        ratio, where = setting.lowest(ratios)
-        warning = f"the damping ratio along x is {ratio:.2g}, not above 0.5"
-        bound = Bound("damping ratio along x", ratio, "above", 0.5, "", warning, where, about=("damping",))
-        return Assessment((bound,), note="Of the arm's inertia along x.")
-"""
+def documented() -> str:
+    """Return the example of docs/controllers.md."""
+    blocks = re.findall(r"```python\n(.*?)```", (EXPERIMENTS.parent / "docs" / "controllers.md").read_text(), re.DOTALL)
+    (found,) = [block for block in blocks if "def assess" in block]
+    return found
 
 
 def test_a_users_law_offers_bounds_of_its_own(tmp_path: Path) -> None:
-    path = with_hook(tmp_path, DAMPED)
+    path = with_hook(tmp_path, documented())
     assert warned(path) == []
     (line,) = warned(path, ["controllers.mine.damping=20"])
     assert "warning" not in line

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.messages import MESSAGES, messages
-from hilrig.loop.compiled.rows import CommandRows, InternalsRows, StateRows, TruthRows
+from hilrig.loop.rows import CommandRows, InternalsRows, StateRows, TruthRows
 from hypothesis import given
 from hypothesis import strategies as st
 

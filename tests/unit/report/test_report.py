@@ -157,7 +157,7 @@ def test_a_damaged_trial_is_left_out_and_the_metrics_in_the_run_stay(tmp_path: P
     (run / "metrics.csv").write_text("of when it was whole")
     page, _ = report(run, tmp_path)
     assert "1 of 2 trials completed" in page
-    assert "bag.mcap has been cut" in page
+    assert "bag.mcap has since been cut" in page
     assert set(pd.read_csv(tmp_path / "out" / "metrics.csv")["trial"]) == {"small.quiet.0"}
     assert (run / "metrics.csv").read_text() == "of when it was whole"
 
