@@ -181,7 +181,7 @@ class _Work:
             if self._workers:
                 return self._workers[slot].do(trial, report, self._options.stop.is_set)
             return run_in_process(self._run, trial, report, self._options.stop.is_set)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             log = trial_directory(self._run, trial.id) / "logs" / "supervisor.log"
             log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
             return Outcome.of(trial, "failed", f"{describe(error)} (see {log})", 0, 0.0, {})
