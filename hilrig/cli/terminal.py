@@ -6,16 +6,17 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.table import Table
 from rich.text import Text
 
-from hilrig.experiment.trial import Trial
-from hilrig.report.expectations import Expected
-from hilrig.rig.outcome import Outcome
+if TYPE_CHECKING:  # a table is printed sooner without them
+    from hilrig.experiment.trial import Trial
+    from hilrig.report.expectations import Expected
+    from hilrig.rig.outcome import Outcome
 
 AS_IT_IS: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}
 """What is printed holds names and reasons of the user's: a bracket in them is no markup, a colon no emoji"""

@@ -246,26 +246,16 @@ def make_impedance(task: TaskSpec, axes: tuple[str, ...]) -> Impedance:
     sigma = np.array([0.0 if axis in task.force_axes else 1.0 for axis in axes])
     free = task.anti_windup == "none"
     return Impedance(
-        sigma,
-        np.array(task.inertia),
-        np.array(task.damping),
-        np.array(task.stiffness),
-        task.states == "reference",
-        np.inf if free else VELOCITY_CLIP,
-        np.inf if free else POSITION_CLIP,
-    )
+        sigma, np.array(task.inertia), np.array(task.damping), np.array(task.stiffness), task.states == "reference",
+        np.inf if free else VELOCITY_CLIP, np.inf if free else POSITION_CLIP,
+    )  # fmt: skip
 
 
 def make_task(trial: Trial) -> Task:
     """Return what the control law is told before the trial."""
     robot = trial.driver.robot
-    return Task(
-        trial.period,
-        trial.axes,
-        make_impedance(trial.task, trial.axes),
-        robot.dynamic_parameters(),
-        robot.torque_limits(),
-    )
+    impedance = make_impedance(trial.task, trial.axes)
+    return Task(trial.period, trial.axes, impedance, robot.dynamic_parameters(), robot.torque_limits())
 
 
 def start_joint_position(trial: Trial) -> Array:

@@ -198,7 +198,7 @@ def main(work: Callable[[Child], None]) -> None:
         work(child)
     except Stopped as stop:
         print(f"stopped: {stop}", flush=True)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         traceback.print_exc()
         code = 1
         if child is not None:

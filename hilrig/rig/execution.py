@@ -183,7 +183,7 @@ class _Runner:
                 return self._workers[slot].do(trial, report, self._options.stop.is_set)
             with unless_hung(self._options.stop):
                 return run_in_process(self._run, trial, report, self._options.stop.is_set)
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # a law that ends the program ends its own trial only
             log = trial_directory(self._run, trial.id) / "logs" / "supervisor.log"
             log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
             return Outcome.of(trial, "failed", f"{describe_error(error)} (see {log})", 0, 0.0, {})

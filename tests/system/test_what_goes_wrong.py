@@ -96,6 +96,7 @@ def test_a_stopped_controller_is_noticed(start, experiment, tmp_path: Path, monk
     ("step", "outcome", "words"),
     [
         ("raise RuntimeError('no idea')", "failed", "controller: RuntimeError: no idea at faulty.py:"),
+        ("raise SystemExit(0)", "failed", "controller: sys.exit(0) was called at faulty.py:"),
         (
             "return torque[:1]",
             "failed",
@@ -140,8 +141,11 @@ def test_fail_fast_begins_no_further_trial(hilrig, experiment, tmp_path: Path) -
     assert "Traceback" not in done.stderr
 
 
-def test_a_law_that_raises_in_one_process_does_not_end_the_others(hilrig, experiment, tmp_path: Path) -> None:
-    controllers = faulty(tmp_path, "raise RuntimeError('no')") + "\n  pd: {kind: pd}"
+@pytest.mark.parametrize("step", ["raise RuntimeError('[no]')", "raise SystemExit(0)"])
+def test_a_law_that_raises_in_one_process_does_not_end_the_others(
+    hilrig, experiment, tmp_path: Path, step: str
+) -> None:
+    controllers = faulty(tmp_path, step) + "\n  pd: {kind: pd}"
     assert hilrig("run", experiment(controllers=controllers), "--no-report", "--in-process").returncode == 1
     shown = hilrig("show", only_run(tmp_path)).stdout
     assert "faulty.noisy.0  failed" in shown

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from hilrig.experiment.document import Keys
+if TYPE_CHECKING:  # to describe what a file may hold takes no YAML
+    from hilrig.experiment.document import Keys
 
 
 class SchemaFinding(NamedTuple):
