@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from hilrig.core.errors import ExperimentError, describe_error
+from hilrig.core.errors import ExperimentError, Stopped, describe_error
 from hilrig.core.interfaces import is_fault
 from hilrig.experiment import Experiment
 from hilrig.experiment.expecting import ends_as_expected
@@ -183,6 +183,8 @@ class _Runner:
                 return self._workers[slot].do(trial, report, self._options.stop.is_set)
             with unless_hung(self._options.stop):
                 return run_in_process(self._run, trial, report, self._options.stop.is_set)
+        except Stopped as stop:  # outside its ticks, where the trial does not turn it into its outcome
+            return Outcome.of(trial, "aborted", str(stop), 0, 0.0, {})
         except (Exception, SystemExit) as error:  # a law that ends the program ends its own trial only
             log = trial_directory(self._run, trial.id) / "logs" / "supervisor.log"
             log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
