@@ -7,7 +7,6 @@ import os
 import shutil
 import signal
 import subprocess
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -23,6 +22,7 @@ from hilrig.rig.cores import cores_for
 from hilrig.rig.launching import how_it_ended, launch
 from hilrig.rig.live import Live
 from hilrig.rig.outcome import Outcome
+from hilrig.rig.socket_folder import make_socket_folder
 
 ROLES = ("driver", "controller", "logger")
 READY_TIMEOUT = float(os.environ.get("HILRIG_READY_TIMEOUT", "180"))
@@ -68,7 +68,7 @@ class Rig:
         self.children: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Rig:
-        self._sockets = tempfile.mkdtemp(prefix="hilrig-")
+        self._sockets = make_socket_folder()
         try:
             low_latency = self.trial.rig.low_latency_link or self.trial.clock == "lockstep"
             self.bus = Bus(self.trial.id, "supervisor", [self._endpoint("supervisor")], [], low_latency)

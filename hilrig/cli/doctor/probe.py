@@ -7,7 +7,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from hilrig.core.errors import RigError
 from hilrig.experiment.rig_settings import RigSettings
 from hilrig.rig.cores import cores_for
 from hilrig.rig.launching import CHILD_ENVIRONMENT
+from hilrig.rig.socket_folder import make_socket_folder
 
 PERIOD = 1_000_000
 """ns"""
@@ -28,7 +28,7 @@ START_UP = 60.0
 
 def probe(seconds: float, settings: RigSettings) -> Probe:
     """Return what a probe of `seconds` found. Raises RigError if one of its processes fails."""
-    sockets = tempfile.mkdtemp(prefix="hilrig-")
+    sockets = make_socket_folder()
     cores = cores_for(0, realtime=True)
     ticks = round(seconds * 1e9 / PERIOD)
     common = {
