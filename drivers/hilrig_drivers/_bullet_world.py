@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -84,10 +82,12 @@ class World:
         )
 
     def _load(self, robot: Planar2r) -> int:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "arm.urdf"
-            path.write_text(urdf(robot))
-            return self.engine.loadURDF(str(path), useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
+        # Bullet takes nothing but a path. A file in memory has one whatever the user's temporary folder is like.
+        with os.fdopen(os.memfd_create("arm.urdf"), "w") as file:
+            file.write(urdf(robot))
+            file.flush()
+            path = f"/proc/self/fd/{file.fileno()}"
+            return self.engine.loadURDF(path, useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
 
     def place(self, joint_position: Array) -> None:
         """Put the arm at rest at `joint_position` (2,) rad."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import tempfile
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -31,6 +30,7 @@ from hilrig.rig.processes import (
     log_of,
     pause,
 )
+from hilrig.rig.socket_folder import make_socket_folder
 
 ROLES = ("driver", "controller", "logger")
 LAST_WORDS_TIMEOUT_S = 0.5
@@ -71,7 +71,7 @@ class Rig:
         self.children: dict[str, ChildProcess] = {}
 
     def __enter__(self) -> Rig:
-        self._sockets = tempfile.mkdtemp(prefix="hilrig-")
+        self._sockets = make_socket_folder()
         try:
             low_latency = self.trial.rig.low_latency_link or self.trial.clock == "lockstep"
             self.bus = Bus(self.trial.id, "supervisor", [self._endpoint("supervisor")], [], low_latency)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -17,6 +16,7 @@ from hilrig.core.errors import RigError
 from hilrig.experiment.rig_settings import RigSettings
 from hilrig.rig.cores import cores_for
 from hilrig.rig.processes import ChildProcess, kill_all, pause
+from hilrig.rig.socket_folder import make_socket_folder
 
 PERIOD_NS = 1_000_000
 START_UP_TIMEOUT_S = 60.0
@@ -25,7 +25,7 @@ START_UP_TIMEOUT_S = 60.0
 
 def probe(seconds: float, settings: RigSettings) -> Probe:
     """Return what a probe of `seconds` found. Raises RigError if one of its processes fails."""
-    sockets = tempfile.mkdtemp(prefix="hilrig-")
+    sockets = make_socket_folder()
     cores = cores_for(0, realtime=True)
     ticks = round(seconds * 1e9 / PERIOD_NS)
     common = {

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.messages import MESSAGES, messages
-from hilrig.loop.rows import CommandRows, InternalsRows, StateRows, TruthRows
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hilrig.loop.rows import CommandRows, InternalsRows, StateRows, TruthRows
 from hilrig.recording.messages.codec import Codec, definition
 from hilrig.recording.messages.layouts import CHANNELS, definitions, layouts
 from hilrig.recording.messages.record_batch import WORD, RecordBatch
