@@ -9,15 +9,12 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 from collections.abc import Callable
 from functools import cache, lru_cache
 from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar, cast
-
-import numba
-from numba.core import config
-from numba.extending import register_jitable
 
 from hilrig.core.errors import HilrigError
 
@@ -30,9 +27,35 @@ _MARKS = (b"@kernel", b"@jitable", b"NamedTuple")
 """What stands in a file that kernels depend on"""
 
 
+_unregistered: list[Callable[..., Any]] = []
+"""Functions marked `jitable` that numba has not been told of yet"""
+_interpreted = False
+
+
+def interpret() -> None:
+    """Leave the kernels that are marked from now on plain Python, unless numba is loaded already.
+
+    For a process that looks at experiments and runs none: numba takes longer to load, and its first kernel to be
+    compiled, than all that such a process has to do.
+    """
+    global _interpreted
+    _interpreted = "numba" not in sys.modules
+
+
 def jitable(function: Function) -> Function:
     """Mark a function that kernels can call and that stays plain Python elsewhere: for what costs less than a call."""
-    return cast(Function, register_jitable(function))
+    _unregistered.append(function)
+    # With the first kernel otherwise: signals are marked so, and most processes that have signals have no kernels.
+    if "numba" in sys.modules:
+        _register()
+    return function
+
+
+def _register() -> None:
+    from numba.extending import register_jitable
+
+    while _unregistered:
+        register_jitable(_unregistered.pop())
 
 
 @cache
@@ -42,6 +65,8 @@ def _source_state(folder: Path) -> str:
     These are hilrig's own files with kernels and the types they pass, and every file of a folder outside hilrig: what
     of it a kernel takes, a number for instance, cannot be seen from its text.
     """
+    import numba
+
     digest = hashlib.sha256(numba.__version__.encode())
     package = Path(__file__).parents[1]
     own = [(path, path.read_bytes()) for path in sorted(package.rglob("*.py"))]
@@ -69,7 +94,7 @@ def kernel(function: Function) -> Function:
 
     The plain Python function stays reachable as `.py_func`. Raises HilrigError if the cache cannot be written.
     """
-    return _compiled(function, _cache_folder(function))
+    return _plain(function) if _interpreted else _compiled(function, _cache_folder(function))
 
 
 def kernel_without_arrays(function: Function) -> Function:
@@ -78,7 +103,12 @@ def kernel_without_arrays(function: Function) -> Function:
     numba counts the references to every array that a kernel touches, which takes most of the time of one that only
     passes arrays on. This one goes without, and becomes part of the kernel that calls it.
     """
-    return _compiled(function, _cache_folder(function), **_BARE)
+    return _plain(function) if _interpreted else _compiled(function, _cache_folder(function), **_BARE)
+
+
+def _plain(function: Function) -> Function:
+    cast(Any, function).py_func = function
+    return function
 
 
 def can_be_composed(function: Callable[..., Any]) -> bool:
@@ -106,6 +136,8 @@ def _composed(
     template: Callable[..., Any], makes_arrays: bool, parts: tuple[tuple[str, Callable[..., Any]], ...]
 ) -> Callable[..., Any]:
     bound: Any = filled(template, **dict(parts))
+    if _interpreted:
+        return _plain(bound)
     bound.composition = _digest_of({name: cast(Any, part).py_func for name, part in parts})
     options = {"nogil": True} if makes_arrays else _BARE
     return _compiled(bound, os.path.join(_cache_folder(template), bound.composition), **options)
@@ -128,6 +160,10 @@ def filled(template: Function, **parts: Callable[..., Any]) -> Function:
 
 
 def _compiled(function: Function, folder: str, **options: Any) -> Function:
+    import numba
+    from numba.core import config
+
+    _register()
     before = config.CACHE_DIR  # pyright: ignore[reportAttributeAccessIssue]
     _make_writable(folder)
     config.CACHE_DIR = folder  # pyright: ignore[reportAttributeAccessIssue]
