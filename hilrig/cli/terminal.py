@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:  # a table is printed sooner without them
-    from hilrig.experiment.trial import Trial
     from hilrig.report.expectations import Expected
     from hilrig.rig.outcome import Outcome
 
@@ -22,67 +18,6 @@ AS_IT_IS: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}
 """What is printed holds names and reasons of the user's: a bracket in them is no markup, a colon no emoji"""
 errors = Console(stderr=True, soft_wrap=True, **AS_IT_IS)
 STYLES = {"completed": "green", "tripped": "red", "failed": "red", "timed_out": "red", "aborted": "yellow"}
-
-
-class _Clocks(ProgressColumn):
-    """Simulated time, speed against real time, and time left."""
-
-    def render(self, task: Task) -> Text:
-        """Return the column for one trial."""
-        total, done = task.total or 0.0, task.completed
-        since = task.fields.get("since")
-        if not since or not done:
-            return Text(f"0 / {total:g} s   starting", style="dim")
-        wall = max((task.finished_time or task.get_time() - since), 1e-9)
-        speed = done / wall
-        left = (total - done) / speed if speed > 0 else 0.0
-        return Text(f"{done:5.1f} / {total:g} s  {speed:5.2f} x real time  {left:4.0f} s left")
-
-
-class Display:
-    """Shows trials as they go on: bars on a terminal, elsewhere only what went wrong."""
-
-    def __init__(self, trials: int) -> None:
-        self._count, self._number = trials, 0
-        self._bars = Progress(
-            TextColumn("{task.description}", markup=False), BarColumn(bar_width=24), _Clocks(),
-            console=errors, transient=True, disable=not errors.is_terminal,
-        )  # fmt: skip
-        self._tasks: dict[str, Any] = {}
-
-    def opened(self, run: Path) -> None:
-        """There is nothing to show yet."""
-
-    def started(self, trial: Trial) -> None:
-        """Show a trial's bar."""
-        self._number += 1
-        label = f"[{self._number}/{self._count}] {trial.id}"
-        self._tasks[trial.id] = self._bars.add_task(label, total=trial.ticks * trial.period, since=None)
-
-    def progressed(self, trial: Trial, tick: int) -> None:
-        """Move a trial's bar."""
-        task = self._tasks[trial.id]
-        if self._bars.tasks and self._field(task, "since") is None:
-            self._bars.update(task, since=self._bars.get_time())
-        self._bars.update(task, completed=tick * trial.period)
-
-    def _field(self, task: Any, name: str) -> Any:
-        return next((item.fields[name] for item in self._bars.tasks if item.id == task), None)
-
-    def ended(self, trial: Trial, outcome: Outcome) -> None:
-        """Replace a trial's bar by one line; without a terminal, only if it is bad news."""
-        self._bars.remove_task(self._tasks.pop(trial.id))
-        if errors.is_terminal or not outcome.completed:
-            self._bars.console.print(outcome_line(outcome))
-
-    def __enter__(self) -> Display:
-        self._bars.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bars.stop()
 
 
 def outcome_line(outcome: Outcome) -> Text:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 from collections.abc import Callable
 from functools import cache, lru_cache
 from pathlib import Path
@@ -20,19 +21,6 @@ from types import FunctionType
 from typing import Any, TypeVar, cast
 
 from hilrig.core.errors import HilrigError
-
-try:
-    import numba
-except ImportError:
-    raise
-except Exception as error:  # from reading its settings: YAML's errors and others, each with a class of its own
-    raise HilrigError(
-        f"numba cannot read its settings: {error}; look at {os.path.abspath('.numba_config.yaml')} and at the "
-        "variables that begin with NUMBA_"
-    ) from error
-
-from numba.core import config
-from numba.extending import register_jitable
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -46,9 +34,49 @@ _MARKS = (b"@kernel", b"@jitable", b"NamedTuple")
 _CODE_SETTINGS = ("OPT", "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "LOOP_VECTORIZE", "SLP_VECTORIZE")
 
 
+_unregistered: list[Callable[..., Any]] = []
+"""Functions marked `jitable` that numba has not been told of yet"""
+_interpreted = False
+
+
+def interpret() -> None:
+    """Leave the kernels that are marked from now on plain Python, unless numba is loaded already.
+
+    For a process that looks at experiments and runs none: numba takes longer to load, and its first kernel to be
+    compiled, than all that such a process has to do.
+    """
+    global _interpreted
+    _interpreted = "numba" not in sys.modules
+
+
 def jitable(function: Function) -> Function:
     """Mark a function that kernels can call and that stays plain Python elsewhere: for what costs less than a call."""
-    return cast(Function, register_jitable(function))
+    _unregistered.append(function)
+    # With the first kernel otherwise: signals are marked so, and most processes that have signals have no kernels.
+    if "numba" in sys.modules:
+        _register()
+    return function
+
+
+@cache
+def _numba() -> Any:
+    """Return numba, which takes half a second to load. Raises HilrigError if it cannot read its settings."""
+    try:
+        import numba
+        import numba.extending
+    except ImportError:
+        raise
+    except Exception as error:  # from reading its settings: YAML's errors and others, each with a class of its own
+        raise HilrigError(
+            f"numba cannot read its settings: {error}; look at {os.path.abspath('.numba_config.yaml')} and at the "
+            "variables that begin with NUMBA_"
+        ) from error
+    return numba
+
+
+def _register() -> None:
+    while _unregistered:
+        _numba().extending.register_jitable(_unregistered.pop())
 
 
 def kernel(function: Function) -> Function:
@@ -57,7 +85,7 @@ def kernel(function: Function) -> Function:
     It is compiled when it is first called, and the Python function stays reachable as `.py_func`. Raises HilrigError if
     the folder for what is kept cannot be written.
     """
-    return _compiled(function, _cache_folder(function))
+    return _plain(function) if _interpreted else _compiled(function, _cache_folder(function))
 
 
 def kernel_without_arrays(function: Function) -> Function:
@@ -66,7 +94,13 @@ def kernel_without_arrays(function: Function) -> Function:
     numba counts the references to every array that a kernel touches, which takes most of the time of a kernel that only
     passes arrays on. This one does without, and becomes part of the kernel that calls it.
     """
-    return _compiled(function, _cache_folder(function), **_WITHOUT_ARRAYS)
+    return _plain(function) if _interpreted else _compiled(function, _cache_folder(function), **_WITHOUT_ARRAYS)
+
+
+def _plain(function: Function) -> Function:
+    """Return the function as it is; `can_be_composed` and `composed` look for this attribute."""
+    cast(Any, function).py_func = function
+    return function
 
 
 def can_be_composed(function: Callable[..., Any]) -> bool:
@@ -107,6 +141,8 @@ def _composed(
     template: Callable[..., Any], makes_arrays: bool, parts: tuple[tuple[str, Callable[..., Any]], ...]
 ) -> Callable[..., Any]:
     bound: Any = filled(template, **dict(parts))
+    if _interpreted:
+        return _plain(bound)
     bound.composition = _digest_of({name: cast(Any, part).py_func for name, part in parts})
     # Only what Python calls can release the GIL; a template without arrays is a part of another.
     options = {"nogil": True} if makes_arrays else _WITHOUT_ARRAYS
@@ -134,7 +170,8 @@ def _source_state(folder: Path) -> str:
     These are hilrig's files with kernels and with the types they pass. Of a folder outside hilrig they are all files: a
     kernel may take a number from one in which nothing marks it.
     """
-    settings = [getattr(config, name, None) for name in _CODE_SETTINGS]
+    numba = _numba()
+    settings = [getattr(numba.core.config, name, None) for name in _CODE_SETTINGS]
     digest = hashlib.sha256(f"{numba.__version__} {settings}".encode())
     package = Path(__file__).parents[1]
     own = [(path, path.read_bytes()) for path in sorted(package.rglob("*.py"))]
@@ -154,25 +191,26 @@ def _cache_folder(function: Callable[..., Any]) -> str:
 
 
 def _compiled(function: Function, folder: str, **options: Any) -> Function:
-    if config.DISABLE_JIT:  # pyright: ignore[reportAttributeAccessIssue]
-        # numba hands the function back as it is; `can_be_composed` and `composed` look for this attribute.
-        cast(Any, function).py_func = function
-        return function
+    numba = _numba()
+    config = numba.core.config
+    _register()
+    if config.DISABLE_JIT:
+        return _plain(function)
     _make_writable(folder)
     # numba chooses the folder while it decorates, from settings that hold for the whole process: put them back at once.
     # A locator that the user set would come before our folder.
     ours = {"CACHE_DIR": folder, "CACHE_LOCATOR_CLASSES": ""}
     before = {name: getattr(config, name, "") for name in ours}
-    _set(ours)
+    _set(config, ours)
     try:
         kept = _can_be_kept(function)
         # error_model "numpy": a division by zero gives inf or nan, as NumPy's does, instead of an exception.
         return cast(Function, numba.njit(cache=kept, error_model="numpy", **options)(function))
     finally:
-        _set(before)
+        _set(config, before)
 
 
-def _set(settings: dict[str, str]) -> None:
+def _set(config: Any, settings: dict[str, str]) -> None:
     for name, value in settings.items():
         setattr(config, name, value)
 

@@ -6,6 +6,7 @@ import typer
 
 from hilrig.cli.application import AsJson, ExperimentFile, Overrides, app, print_json
 from hilrig.cli.experiments import echo_warnings, judged, planned
+from hilrig.core.compiler import interpret
 
 
 @app.command()
@@ -15,6 +16,7 @@ def check(experiment: ExperimentFile, override: Overrides = None, as_json: AsJso
     Lists everything that is wrong, each with line, column, what is allowed and the nearest right name. Warns of bounds
     that the experiment does not keep. Exit code: 0 it can be run, with or without warnings; 2 it cannot.
     """
+    interpret()
     loaded, trials = planned(experiment, override or [])
     found, warnings = judged(loaded, trials)
     if as_json:

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from hilrig.cli.application import app
+from hilrig.core.compiler import interpret
 from hilrig.core.errors import ExperimentError, nearest
 
 GROUPS = ("controllers", "drivers", "robots", "references", "disturbances", "metrics")
@@ -32,6 +33,7 @@ def kinds(
     """
     from hilrig.kinds import registry as plugins
 
+    interpret()
     if group is None:
         for name in GROUPS:
             typer.echo(f"{name:13} {', '.join(plugins.kind_names(name))}")

@@ -71,7 +71,7 @@ def reproduce(
 
 def _run_all(loaded: Loaded, there: dict[str, Path], out: Path, jobs: int, overrides: list[str]) -> dict[str, Path]:
     """Run every experiment that has no run yet; return a run of each, by name."""
-    from hilrig.cli.terminal import Display
+    from hilrig.cli.progress import Display
     from hilrig.experiment.plan import plan
     from hilrig.rig.execution import Options, execute
 

@@ -14,7 +14,7 @@ from hilrig.cli.results import Junit, make_room, tell_results, tell_run
 from hilrig.core.errors import ExperimentError
 
 if TYPE_CHECKING:
-    from hilrig.cli.terminal import Display
+    from hilrig.cli.progress import Display
     from hilrig.cli.watch.process import WatchedRun
 
 
@@ -90,6 +90,6 @@ def listener(trials: int, watch: bool) -> Display | WatchedRun:
         from hilrig.cli.watch.process import WatchedRun
 
         return WatchedRun()
-    from hilrig.cli.terminal import Display
+    from hilrig.cli.progress import Display
 
     return Display(trials)

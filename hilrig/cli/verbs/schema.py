@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from hilrig.cli.application import app, print_json
+from hilrig.core.compiler import interpret
 
 
 @app.command()
@@ -13,4 +14,5 @@ def schema() -> None:
     """
     from hilrig.experiment import experiment_schema
 
+    interpret()
     print_json(experiment_schema())
