@@ -141,8 +141,9 @@ def _check_driver(experiment: Experiment) -> Iterator[SchemaFinding]:
             capabilities, axes = experiment.driver.capabilities, experiment.driver.robot.axes
             if not isinstance(capabilities, Capabilities):
                 raise ValueError(f"capabilities is a {type(capabilities).__name__}; it must be a Capabilities")
-            if not isinstance(axes, tuple) or not axes or not all(isinstance(axis, str) for axis in axes):
-                raise ValueError(f"the robot's axes are {axes!r}; they must be a tuple of names")
+            named = isinstance(axes, tuple) and all(isinstance(axis, str) and _NAME.fullmatch(axis) for axis in axes)
+            if not named or not axes or len(set(axes)) < len(axes):
+                raise ValueError(f"the robot's axes are {axes!r}; they must be a tuple of different names, as 'x'")
     except PluginError as error:
         yield SchemaFinding(("driver",), str(error))
 

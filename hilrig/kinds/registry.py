@@ -219,7 +219,7 @@ def _from_file(group: str, path: Path) -> type:
     source = read_bytes(path)
     # The name holds the contents' digest: only a file that changed is loaded anew.
     name = _USER_MODULE + hashlib.sha256(f"{group}:{path}:".encode() + source).hexdigest()[:16]
-    module = sys.modules.get(name) or run_file(path, name, __hilrig_group__=group)
+    module = sys.modules.get(name) or run_file(path, source, name, __hilrig_group__=group)
     return _check(group, _only_class(module, str(path)))
 
 

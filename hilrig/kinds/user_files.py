@@ -33,20 +33,24 @@ def read_bytes(path: Path) -> bytes:
 
 
 class _FromSource(SourceFileLoader):
-    """Compiles a file each time: Python's cache goes by size and whole seconds, and may hold an older file's code."""
+    """Compiles what was read: Python's cache goes by size and whole seconds, and may hold an older file's code."""
+
+    def __init__(self, name: str, path: str, source: bytes) -> None:
+        super().__init__(name, path)
+        self._source = source
 
     def get_code(self, fullname: str) -> types.CodeType:
-        return self.source_to_code(self.get_data(self.path), self.path)
+        return self.source_to_code(self._source, self.path)
 
 
-def run_file(path: Path, name: str, **names: Any) -> types.ModuleType:
-    """Run a Python file as the module `name`, which finds `names` defined, and return it.
+def run_file(path: Path, source: bytes, name: str, **names: Any) -> types.ModuleType:
+    """Run a Python file that holds `source` as the module `name`, which finds `names` defined, and return it.
 
     Raises PluginError with the line, whatever the file raises; only Ctrl-C passes.
     """
     if path.suffix != ".py":
         raise PluginError(f"{path} is not a Python file: its name does not end in .py")
-    spec = spec_from_file_location(name, path, loader=_FromSource(name, str(path)))
+    spec = spec_from_file_location(name, path, loader=_FromSource(name, str(path), source))
     assert spec is not None, "a loader was given"
     assert spec.loader is not None
     module = module_from_spec(spec)
