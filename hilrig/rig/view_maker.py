@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from hilrig.core.signals import WRENCH_AXES, Reference
 from hilrig.experiment.trial import TaskSpec, make_impedance
-from hilrig.kinds.impedance import auxiliary_error
+from hilrig.kinds.auxiliary_error import auxiliary_error
 from hilrig.recording.messages.codec import Codec, definition, sizes_in
 from hilrig.rig.bus import Bus
 from hilrig.rig.view import ASKING, CHANNEL, GRANT, INTERVAL, view_codec
