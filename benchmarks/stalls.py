@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.stall_matching import Found, compare
 from benchmarks.stall_plan import CAUSES, experiment
-from hilrig.cli.terminal import Display
+from hilrig.cli.progress import Display
 from hilrig.core.errors import RigError
 from hilrig.experiment import load
 from hilrig.experiment.plan import plan

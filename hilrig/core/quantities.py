@@ -129,7 +129,7 @@ def _converted(text: str, unit: str) -> float:
     if not math.isfinite(number) or number == 0:
         return number
     # So many digits that they would take time to work out are first rounded.
-    exact = Fraction(digits) if len(digits) <= 40 else Fraction(number)
+    exact = Fraction(digits) if len(digits) <= 200 else Fraction(number)
     return float(exact * Fraction(_registry().Quantity(Fraction(1), given).to(wanted).magnitude))
 
 

@@ -70,21 +70,6 @@ def move_filter(
         filter_position[i] = min(max(place, x - impedance.position_clip), x + impedance.position_clip)
 
 
-def auxiliary_error(
-    impedance: Impedance, position: Array, velocity: Array, acceleration: Array, force: Array, reference: Reference
-) -> Array:
-    """Return e_aux of eq. (25), what is missing from the desired dynamics (3), N. All signals are (N, m).
-
-    e_aux = M_d (x'' - Sigma x_d'') + B_d (x' - Sigma x_d') + K_d Sigma (x - x_d) - (I - Sigma) F_d + F_e, where x' is
-    the full velocity: a force-controlled axis is damped, as in (4).
-    """
-    sigma = impedance.sigma
-    inertial = impedance.inertia * (acceleration - sigma * reference.acceleration)
-    damped = impedance.damping * (velocity - sigma * reference.velocity)
-    elastic = impedance.stiffness * sigma * (position - reference.position)
-    return inertial + damped + elastic - (1 - sigma) * reference.force + force
-
-
 @kernel
 def sliding_reference(
     slope: float, acceleration: Array, filter_position: Array, filter_velocity: Array, state: State

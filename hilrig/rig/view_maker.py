@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from hilrig.core.signals import WRENCH_AXES, Reference
 from hilrig.experiment.trial import TaskSpec, make_impedance
-from hilrig.kinds.impedance import auxiliary_error
+from hilrig.kinds.auxiliary_error import auxiliary_error
 from hilrig.recording.certificate.late import is_late
 from hilrig.recording.messages.codec import Codec, definition, sizes_in
 from hilrig.recording.timing import terms_of

@@ -8,7 +8,7 @@ import numpy as np
 
 from hilrig.core.interfaces import Impedance
 from hilrig.core.signals import Array, Reference
-from hilrig.kinds.impedance import auxiliary_error
+from hilrig.kinds.auxiliary_error import auxiliary_error
 
 
 @dataclass(frozen=True)

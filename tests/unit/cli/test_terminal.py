@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from hilrig.cli.terminal import Display, errors, print_table
+from hilrig.cli.progress import Display
+from hilrig.cli.terminal import errors, print_table
 
 WORDS = ["sensor [left] lost [/dev/ft0]", "[nan nan]", "[bold]not bold[/bold]", "gain :warning: 3", "[/]"]
 

@@ -14,6 +14,7 @@ from hilrig.loop.rows import CommandRows, InternalsRows, StateRows, TruthRows
 from hilrig.recording.messages.codec import Codec, definition
 from hilrig.recording.messages.layouts import CHANNELS, definitions, layouts
 from hilrig.recording.messages.record_batch import WORD, RecordBatch
+from hilrig.rig.rows import controller_rows
 
 MEMORY = {"gains": 3, "estimate": 2}
 
@@ -90,7 +91,8 @@ def test_a_laws_memory_is_one_array(sizes: list[int]) -> None:
     memory = {f"field_{i}": size for i, size in enumerate(sizes)}
     codec = layouts(2, 2, memory)["internals"]
     batch = RecordBatch(codec, 2)
-    rows = InternalsRows.of(batch)
+    command = RecordBatch(layouts(2, 2, memory)["command"], 2)
+    rows = controller_rows({"internals": batch, "command": command}).internals
     assert rows.memory.shape == (2, sum(sizes))
     rows.memory[1] = np.arange(sum(sizes)) + 1.0
     own = codec.unpack(batch.message(1))[len(InternalsRows._fields) - 1 :]

@@ -62,7 +62,7 @@ FAULTS = {
         {"late": "return torque.astype(np.float32)"}, "an array of float32",
     ),
     "torque_is_one_finite_number_for_each_joint finite": ({"late": "torque[0] = np.nan"}, "at tick 0 it returned [nan"),
-    "memory_can_be_recorded": ({"start": "integral = 0.0"}, "memory field 'integral' is 0.0"),
+    "memory_can_be_recorded": ({"start": "integral = 0.0"}, "memory field 'integral' is a float"),
     "memory_can_be_recorded single": (
         {"start": "integral = integral.astype(np.float32)"}, "every field is an array of float64",
     ),
