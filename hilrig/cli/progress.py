@@ -37,8 +37,8 @@ class Display:
     def __init__(self, trials: int) -> None:
         self._count, self._number = trials, 0
         self._bars = Progress(
-            TextColumn("{task.description}", markup=False), BarColumn(bar_width=24), _Clocks(), console=errors, transient=True,
-            disable=not errors.is_terminal,
+            TextColumn("{task.description}", markup=False), BarColumn(bar_width=24), _Clocks(),
+            console=errors, transient=True, disable=not errors.is_terminal,
         )  # fmt: skip
         self._tasks: dict[str, Any] = {}
 
