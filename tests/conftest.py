@@ -6,12 +6,12 @@ import os
 import shutil
 import tempfile
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from helpers.patience import LEAVING, came_true
 from hypothesis import settings
 
 # The first call of a kernel compiles it: an example may take seconds.
@@ -26,10 +26,6 @@ def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
         for item in items:
             if item.get_closest_marker("needs_pybullet"):
                 item.add_marker(skip)
-
-
-PATIENCE = 3.0
-"""s that a process or thread is given to be gone after its test"""
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -50,13 +46,11 @@ def temporary_root() -> Iterator[Path]:
 @pytest.fixture(autouse=True)
 def nothing_left_behind(temporary_root: Path) -> Iterator[None]:
     """Fail a test after which there are processes, threads or socket folders that were not there before."""
-    before = leftovers(temporary_root)
+    before = leftovers(temporary_root).keys()
     yield
-    deadline = time.monotonic() + PATIENCE
-    while (left := leftovers(temporary_root).keys() - before) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    told = leftovers(temporary_root)
-    assert not left, f"left behind: {', '.join(told.get(item, item) for item in sorted(left))}"
+    came_true(lambda: not leftovers(temporary_root).keys() - before, LEAVING)
+    left = leftovers(temporary_root)
+    assert left.keys() <= before, f"left behind: {', '.join(left[item] for item in sorted(left.keys() - before))}"
 
 
 def leftovers(root: Path) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""The rules from the command line: `python -m hilrig.testing GROUP [KIND ...] [FIELD=VALUE ...] [pytest's options]`."""
+"""The rules from the command line, as in `python -m hilrig.testing controllers ./my_controller.py`."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 
 from hilrig.core.errors import PluginError, nearest
-from hilrig.kinds.registry import PROTOCOLS, is_path
+from hilrig.kinds.registry import PROTOCOLS, is_path, kinds
 
-USAGE = f"""python -m hilrig.testing GROUP [KIND ...] [FIELD=VALUE ...] [OPTION ...]
+USAGE = f"""python -m hilrig.testing GROUP KIND [KIND ...] [FIELD=VALUE ...] [OPTION ...]
 
 Tests whether kinds keep the rules of their group, one test for each rule.
 
 GROUP        {", ".join(PROTOCOLS)}
-KIND         a kind of the group, or a path such as ./my_controller.py; none for all that are installed
+KIND         a kind of the group, or a path such as ./my_controller.py
 FIELD=VALUE  a value to test with, such as force=0.5; a field without a default may need one
 OPTION       of pytest, such as -x, -q, -k memory or --junit-xml=FILE
 
@@ -26,7 +26,7 @@ docs/testing.md has the same as a test file of two lines."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the rules and return pytest's exit code. Raises PluginError if there is no such group."""
+    """Run the rules and return pytest's exit code. Raises PluginError if the call is wrong."""
     if not arguments or arguments[0] in ("-h", "--help"):
         print(USAGE)
         return 0 if arguments else 2
@@ -35,6 +35,8 @@ def main(arguments: Sequence[str]) -> int:
         raise PluginError(f"there is no group '{group}'{nearest(group, PROTOCOLS)} (groups: {', '.join(PROTOCOLS)})")
     first = next((i for i, word in enumerate(rest) if word.startswith("-")), len(rest))
     words, options = rest[:first], rest[first:]
+    if not any("=" not in word for word in words):
+        raise PluginError(f"name a kind of {group} ({', '.join(kinds(group))}), or a file such as ./mine.py")
     with tempfile.TemporaryDirectory() as folder:
         # The two lines that an author would write. A configuration of pytest that happens to be here plays no part.
         file, settings = Path(folder, f"test_{group}.py"), Path(folder, "pytest.ini")

@@ -52,9 +52,11 @@ def begun(driver: Driver, depth: float = DEPTH) -> Iterator[Plant]:
 
 
 def require_simulated(driver: Driver) -> None:
-    """Raise NotApplicableError for a driver of a plant that is not simulated."""
+    """Raise NotApplicableError for a driver of a plant that is not simulated, or that lacks what it needs."""
     if not driver.capabilities.simulated:
         raise NotApplicableError("its plant is not simulated, and a test moves no robot")
+    if missing := getattr(driver, "missing", str)():
+        raise NotApplicableError(missing)
 
 
 def pose(driver: Driver, depth: float) -> Array:

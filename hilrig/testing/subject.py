@@ -38,6 +38,8 @@ class Subject:
     """Where its class is defined"""
     variants: tuple[Any, ...]
     """Instances of it, one for each combination of its choices; at least one"""
+    given: bool
+    """Whether its author gave values to test with"""
 
     def choice(self, variant: Any) -> str:
         """Return how a variant differs from the first, such as " with target='direct'"; empty if it does not."""
@@ -62,7 +64,7 @@ def subject_of(group: str, kind: str, base: Path, values: Mapping[str, Any], fil
     if hasattr(cls, "reads"):
         variants = [variant.filled(file_text) for variant in variants]
     whole, name = (str(base / kind), Path(kind).name) if is_path(kind) else (kind, kind)
-    return Subject(group, whole, name, cls, inspect.getsourcefile(cls) or "", tuple(variants))
+    return Subject(group, whole, name, cls, inspect.getsourcefile(cls) or "", tuple(variants), bool(values))
 
 
 def check_values(group: str, classes: Sequence[type], values: Mapping[str, Any]) -> None:

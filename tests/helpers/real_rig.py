@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import psutil
-import pytest
+
+from helpers.patience import PATIENCE
 
 PROJECT = Path(__file__).parents[2]
 LONG = 600.0
@@ -34,6 +34,7 @@ def rig_processes(under: Path) -> dict[str, psutil.Process]:
 
 LAW = '''
 """A controller with a fault."""
+import os
 import time
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -65,6 +66,21 @@ def faulty(folder: Path, step: str, *, when: str = "memory.count[0] > 200", star
     return "faulty: {kind: ./faulty.py}"
 
 
+def gated(folder: Path, name: str) -> str:
+    """Write a law that crawls from its 200th call on, until the file `gate(folder, name)` is there; return its line.
+
+    What happens beside a trial can then be waited for, and the trial still ends by itself: ten ticks a second.
+    """
+    shut = f"memory.count[0] > 200 and not os.path.exists({str(gate(folder, name))!r})"
+    (folder / f"{name}.py").write_text(LAW.format(step="time.sleep(0.1)", when=shut, start="pass"))
+    return f"{name}: {{kind: ./{name}.py}}"
+
+
+def gate(folder: Path, name: str) -> Path:
+    """Return the file that lets the gated law go on."""
+    return folder / f"{name}.go"
+
+
 def only_run(under: Path) -> Path:
     """Return the one run directory below `under`/runs."""
     (run,) = (under / "runs").iterdir()
@@ -76,21 +92,16 @@ def socket_directories() -> set[str]:
     return {name for name in os.listdir(tempfile.gettempdir()) if name.startswith("hilrig-")}
 
 
-def wait_for(condition: Callable[[], Any], timeout: float = 90.0) -> Any:
-    """Return the first true value of `condition`."""
-    deadline = time.monotonic() + timeout
-    while time.monotonic() < deadline:
-        if value := condition():
-            return value
-        time.sleep(0.02)
-    pytest.fail(f"{condition} did not come true in {timeout} s")
+def recorded(under: Path) -> list[int]:
+    """Return how many bytes are in the bag of each trial below `under`, the smallest first."""
+    return sorted(bag.stat().st_size for bag in (under / "runs").glob("*/trials/*/bag.mcap"))
 
 
-def under_way(under: Path) -> Callable[[], bool]:
-    """Return a condition: a trial runs, with something in its bag."""
+def under_way(under: Path, trials: int = 1) -> Callable[[], bool]:
+    """Return a condition: so many trials run, with something in their bags."""
+    return lambda: len([size for size in recorded(under) if size > 200_000]) >= trials
 
-    def condition() -> bool:
-        bags = list((under / "runs").glob("*/trials/*/bag.mcap"))
-        return bool(bags) and bags[0].stat().st_size > 200_000
 
-    return condition
+def end_of(process: subprocess.Popen[str]) -> tuple[str, str]:
+    """Wait for the end of a process; return what it printed: stdout and stderr."""
+    return process.communicate(timeout=PATIENCE)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from helpers.patience import PATIENCE
 
 EXPERIMENT = """
 hilrig: 1
@@ -55,7 +57,14 @@ def _compiled_kernels(tmp_path_factory: pytest.TempPathFactory) -> None:
     )
     (folder / "first.yaml").write_text(text)
     command = [sys.executable, "-m", "hilrig", "run", "first.yaml", "--in-process", "--no-report"]
-    subprocess.run(command, cwd=folder, check=True, capture_output=True, timeout=300)
+    subprocess.run(command, cwd=folder, check=True, capture_output=True, timeout=PATIENCE)
+
+
+@pytest.fixture(autouse=True)
+def _patient_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the rig be as patient as the tests: on a loaded machine its processes are slow, and nothing hangs."""
+    monkeypatch.setenv("HILRIG_READY_TIMEOUT", f"{PATIENCE:g}")
+    monkeypatch.setenv("HILRIG_SILENCE_TIMEOUT", f"{PATIENCE:g}")
 
 
 @pytest.fixture
@@ -87,7 +96,7 @@ def experiment(tmp_path: Path) -> Callable[..., Path]:
 def hilrig(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
     """Run the program in a directory of its own, with no terminal, and return what it did."""
 
-    def call(*arguments: str | Path, timeout: float = 120.0) -> subprocess.CompletedProcess[str]:
+    def call(*arguments: str | Path, timeout: float = PATIENCE) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             [sys.executable, "-m", "hilrig", *map(str, arguments)],
             cwd=tmp_path, capture_output=True, text=True, timeout=timeout, check=False,
@@ -98,14 +107,21 @@ def hilrig(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """Start the program and return the process; whatever is left of it is killed at the end."""
+    """Start the program and return the process, with stdout or stderr in the files `output` and `errors` if named.
+
+    Whatever is left of it is killed at the end.
+    """
     started: list[subprocess.Popen[str]] = []
 
-    def call(*arguments: str | Path) -> subprocess.Popen[str]:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "hilrig", *map(str, arguments)],
-            cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
+    def call(*arguments: str | Path, output: Path | None = None, errors: Path | None = None) -> subprocess.Popen[str]:
+        with ExitStack() as files:
+            stdout, stderr = (
+                files.enter_context(file.open("w")) if file else subprocess.PIPE for file in (output, errors)
+            )
+            process = subprocess.Popen(
+                [sys.executable, "-m", "hilrig", *map(str, arguments)],
+                cwd=tmp_path, stdout=stdout, stderr=stderr, text=True,
+            )  # fmt: skip
         started.append(process)
         return process
 

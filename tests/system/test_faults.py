@@ -43,6 +43,7 @@ def test_every_fault_happens_at_its_tick_and_makes_ticks_late(hilrig, experiment
     bag = read_bag(trial / "bag.mcap", ("driver_timing", "controller_timing"))
     driver, controller = bag["driver_timing"], bag["controller_timing"]
     published = dict(zip(driver["tick"].tolist(), driver["published"].tolist(), strict=True))
+    applied = dict(zip(driver["tick"].tolist(), driver["applied"].tolist(), strict=True))
     woke = dict(zip(driver["tick"].tolist(), driver["woke"].tolist(), strict=True))
     received = dict(zip(controller["tick"].tolist(), controller["received"].tolist(), strict=True))
     computed = dict(zip(controller["tick"].tolist(), controller["computed"].tolist(), strict=True))
@@ -57,8 +58,10 @@ def test_every_fault_happens_at_its_tick_and_makes_ticks_late(hilrig, experiment
         elif kind == "state_loss":
             assert tick not in received
         # Late is a period whose command is older than it should be; a driver that stalls has it, but applies it late.
-        assert kind.startswith("driver") or driver["command"][tick + 1] < tick, kind
-    assert json.loads((trial / "timing.json").read_text())["late"] >= 10
+        # One that the machine held up applies it when the fault is over.
+        in_time = kind.endswith("_loss") or applied[tick + 1] < end
+        assert kind.startswith("driver") or not in_time or driver["command"][tick + 1] < tick, kind
+    assert json.loads((trial / "timing.json").read_text())["late"] >= 10, "five stalls of 3 ms alone make more"
 
 
 def test_faults_are_refused_in_one_process_and_in_lockstep(hilrig, experiment, tmp_path: Path) -> None:

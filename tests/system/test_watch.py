@@ -11,12 +11,16 @@ from typing import Any
 import numpy as np
 import psutil
 import pytest
-from helpers.real_rig import only_run, wait_for
+from helpers.patience import wait_for
+from helpers.real_rig import LONG, end_of, gate, gated, only_run, recorded
 
 from hilrig.recording.bag import read_bag
 
 CHANNELS = ("state", "truth", "command", "internals")
-TWO = "proposed: {kind: tde_sliding_mode}\n  pd: {kind: pd}"
+GATED = 6.0
+"""s of a gated trial, which takes all the tests' patience before it comes to its end"""
+SECONDS = 1_000_000
+"""Bytes of a record: some seconds of it"""
 
 
 def live(folder: Path) -> Any:
@@ -26,10 +30,10 @@ def live(folder: Path) -> Any:
     return None
 
 
-def assert_whole(run: Path, trials: int) -> None:
-    """Check that every trial completed, and that its processes ended by themselves."""
+def assert_whole(run: Path, trials: int, ending: str = "completed") -> None:
+    """Check that every trial ended so with nothing lost, and that its logger had nothing to complain of."""
     outcomes = [json.loads(file.read_text()) for file in run.glob("trials/*/outcome.json")]
-    assert [item["outcome"] for item in outcomes] == ["completed"] * trials, outcomes
+    assert [item["outcome"] for item in outcomes] == [ending] * trials, outcomes
     for item in outcomes:
         assert all(account["lost"] == 0 for account in item["channels"].values())
     for log in run.glob("trials/*/logs/logger.log"):
@@ -37,19 +41,28 @@ def assert_whole(run: Path, trials: int) -> None:
 
 
 def test_a_watcher_follows_from_trial_to_trial_and_changes_no_bit(hilrig, start, experiment, tmp_path: Path) -> None:
-    file = experiment(duration=60.0, controllers=TWO)
-    hilrig("run", file, "--no-report", "--out", tmp_path / "alone")
+    """Two trials crawl until the watcher has been seen in them; the third is a compiled law at full speed."""
+    names, told = ("first", "second"), tmp_path / "told"
+    laws = "\n  ".join([*(gated(tmp_path, name) for name in names), "proposed: {kind: tde_sliding_mode}"])
+    file = experiment(duration=GATED, controllers=laws)
+    for name in names:
+        gate(tmp_path, name).touch()
+    assert hilrig("run", file, "--no-report", "--out", tmp_path / "alone").returncode == 0
+    for name in names:
+        gate(tmp_path, name).unlink()
     program = start("run", file, "--no-report")
     wait_for(lambda: live(tmp_path))
-    watcher = start("watch")
-    program.communicate(timeout=120)
+    watcher = start("watch", output=told)
+    for name in names:
+        wait_for(lambda name=name: f"{name}.noisy.0" in told.read_text())
+        gate(tmp_path, name).touch()
+    end_of(program)
     assert program.returncode == 0
-    told, complaint = watcher.communicate(timeout=60)
+    _, complaint = end_of(watcher)
     assert (watcher.returncode, complaint) == (0, "")
-    assert "pd.noisy.0" in told
-    assert "none late" in told
+    assert "none late" in told.read_text()
     watched, (alone,) = only_run(tmp_path), (tmp_path / "alone").iterdir()
-    assert_whole(watched, 2)
+    assert_whole(watched, 3)
     assert not (watched / "live.json").exists()
     for bag in alone.glob("trials/*/bag.mcap"):
         first, second = read_bag(bag), read_bag(watched / bag.relative_to(alone))
@@ -60,20 +73,23 @@ def test_a_watcher_follows_from_trial_to_trial_and_changes_no_bit(hilrig, start,
 
 @pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
 def test_a_watcher_that_stands_still_or_dies_is_not_noticed(start, experiment, tmp_path: Path, number: int) -> None:
-    program = start("run", experiment(clock="realtime", duration=8.0), "--no-report")
+    """The trial in real time goes on, loses nothing, and ends when it is told to."""
+    told = tmp_path / "told"
+    program = start("run", experiment(clock="realtime", duration=LONG), "--no-report")
     wait_for(lambda: live(tmp_path))
-    watcher = start("watch")
-    assert watcher.stdout is not None
-    first = watcher.stdout.readline()
-    assert "pd.noisy.0" in first
+    watcher = start("watch", output=told)
+    wait_for(lambda: "pd.noisy.0" in told.read_text())
     watcher.send_signal(number)
-    _, complaint = program.communicate(timeout=120)
-    assert program.returncode == 0, complaint
-    assert_whole(only_run(tmp_path), 1)
+    (there,) = recorded(tmp_path)
+    wait_for(lambda: recorded(tmp_path)[0] > there + SECONDS)
+    program.send_signal(signal.SIGINT)
+    _, complaint = end_of(program)
+    assert program.returncode == 130, complaint
+    assert_whole(only_run(tmp_path), 1, "aborted")
     if number == signal.SIGSTOP:
         assert psutil.Process(watcher.pid).status() == psutil.STATUS_STOPPED
         watcher.send_signal(signal.SIGCONT)
-        watcher.communicate(timeout=60)
+        end_of(watcher)
         assert watcher.returncode == 0
 
 
@@ -84,7 +100,7 @@ def test_what_cannot_be_watched_is_said(hilrig, start, experiment, tmp_path: Pat
     program = start("run", experiment(duration=600.0), "--no-report")
     wait_for(lambda: live(tmp_path))
     os.kill(program.pid, signal.SIGKILL)
-    program.communicate(timeout=60)
+    end_of(program)
     stale = hilrig("watch", only_run(tmp_path))
     assert stale.returncode == 2
     assert f"its program (process {program.pid}) was killed" in stale.stderr
@@ -93,10 +109,14 @@ def test_what_cannot_be_watched_is_said(hilrig, start, experiment, tmp_path: Pat
     assert "--watch needs the bus" in both.stderr
 
 
-def test_run_with_a_watcher_keeps_results_apart(hilrig, experiment, tmp_path: Path) -> None:
-    done = hilrig("run", experiment(clock="realtime", duration=8.0), "--no-report", "--watch")
-    assert done.returncode == 0, done.stderr
-    assert "[1/1] pd.noisy.0" in done.stderr
-    assert "[1/1]" not in done.stdout
-    assert "(1 of 1 trials completed)" in done.stdout
+def test_run_with_a_watcher_keeps_results_apart(start, experiment, tmp_path: Path) -> None:
+    """The trial crawls until the watcher has been seen."""
+    file, shown = experiment(duration=GATED, controllers=gated(tmp_path, "first")), tmp_path / "shown"
+    program = start("run", file, "--no-report", "--watch", errors=shown)
+    wait_for(lambda: "[1/1] first.noisy.0" in shown.read_text())
+    gate(tmp_path, "first").touch()
+    results, _ = end_of(program)
+    assert program.returncode == 0
+    assert "[1/1]" not in results
+    assert "(1 of 1 trials completed)" in results
     assert_whole(only_run(tmp_path), 1)

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.real_rig import LONG, faulty, only_run, rig_processes, socket_directories, under_way, wait_for
+from helpers.patience import wait_for
+from helpers.real_rig import LONG, end_of, faulty, only_run, rig_processes, socket_directories, under_way
 
 from hilrig.recording.bag import read_bag
 
@@ -23,8 +24,8 @@ def outcome_of(run: Path) -> dict[str, Any]:
 def _nothing_left(tmp_path: Path):
     before = socket_directories()
     yield
-    wait_for(lambda: not rig_processes(tmp_path), 15.0)
-    wait_for(lambda: socket_directories() <= before, 15.0)
+    wait_for(lambda: not rig_processes(tmp_path))
+    wait_for(lambda: socket_directories() <= before)
 
 
 @pytest.mark.parametrize("role", ["controller", "driver", "logger"])
@@ -32,7 +33,7 @@ def test_a_killed_process_fails_the_trial(start, experiment, tmp_path: Path, rol
     program = start("run", experiment(duration=LONG), "--no-report")
     wait_for(under_way(tmp_path))
     rig_processes(tmp_path)[role].kill()
-    _, stderr = program.communicate(timeout=60)
+    _, stderr = end_of(program)
     assert program.returncode == 1
     outcome = outcome_of(only_run(tmp_path))
     assert outcome["outcome"] == "failed"
@@ -46,7 +47,7 @@ def test_ctrl_c_ends_the_trial_in_flight_cleanly(start, experiment, tmp_path: Pa
     program = start("run", experiment(duration=LONG), "--no-report")
     wait_for(under_way(tmp_path))
     program.send_signal(signal.SIGINT)
-    program.communicate(timeout=60)
+    end_of(program)
     assert program.returncode == 130
     outcome = outcome_of(only_run(tmp_path))
     assert outcome["outcome"] == "aborted"
@@ -59,7 +60,7 @@ def test_ctrl_c_before_the_trial_has_begun(start, experiment, tmp_path: Path) ->
     program = start("run", experiment(duration=LONG), "--no-report")
     wait_for(lambda: len(rig_processes(tmp_path)) == 3)
     program.send_signal(signal.SIGINT)
-    program.communicate(timeout=60)
+    end_of(program)
     assert program.returncode == 130
     assert outcome_of(only_run(tmp_path))["outcome"] == "aborted"
 
@@ -68,7 +69,7 @@ def test_a_killed_supervisor_leaves_no_process(start, experiment, tmp_path: Path
     program = start("run", experiment(duration=LONG), "--no-report")
     wait_for(under_way(tmp_path))
     os.kill(program.pid, signal.SIGKILL)
-    wait_for(lambda: not rig_processes(tmp_path), 15.0)
+    wait_for(lambda: not rig_processes(tmp_path))
     bag = read_bag(next(only_run(tmp_path).glob("trials/*/bag.mcap")))
     assert len(bag["state"]["tick"]) > 100
 
@@ -77,19 +78,19 @@ def test_a_supervisor_killed_at_the_start_leaves_nothing(start, experiment, tmp_
     program = start("run", experiment(duration=LONG), "--no-report")
     wait_for(lambda: len(rig_processes(tmp_path)) == 3)
     os.kill(program.pid, signal.SIGKILL)
-    wait_for(lambda: not rig_processes(tmp_path), 15.0)
+    wait_for(lambda: not rig_processes(tmp_path))
 
 
 def test_a_stopped_controller_is_noticed(start, experiment, tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setenv("HILRIG_SILENCE_TIMEOUT", "2")
+    monkeypatch.setenv("HILRIG_SILENCE_TIMEOUT", "5")  # longer than a loaded machine is silent
     program = start("run", experiment(duration=LONG), "--no-report")
     wait_for(under_way(tmp_path))
     rig_processes(tmp_path)["controller"].send_signal(signal.SIGSTOP)
-    program.communicate(timeout=60)
+    end_of(program)
     assert program.returncode == 1
     outcome = outcome_of(only_run(tmp_path))
     assert outcome["outcome"] == "timed_out"
-    assert "no progress for 2 s" in outcome["reason"]
+    assert "no progress for 5 s" in outcome["reason"]
 
 
 @pytest.mark.parametrize(
@@ -119,7 +120,10 @@ def test_a_faulty_law(hilrig, experiment, tmp_path: Path, step: str, outcome: st
 
 
 def test_a_process_that_never_gets_ready_is_named(hilrig, experiment, tmp_path: Path, monkeypatch) -> None:
-    """The plan starts the law once in the program itself, so the fault must wait for the controller's process."""
+    """The plan starts the law once in the program itself, so the fault must wait for the controller's process.
+
+    On a loaded machine the others may not be ready in time either.
+    """
     monkeypatch.setenv("HILRIG_READY_TIMEOUT", "6")
     stuck = "time.sleep(1000 if 'controller_process' in str(__import__('sys').orig_argv) else 0)"
     controllers = faulty(tmp_path, "pass", start=stuck)
@@ -127,7 +131,9 @@ def test_a_process_that_never_gets_ready_is_named(hilrig, experiment, tmp_path: 
     assert done.returncode == 1
     result = outcome_of(only_run(tmp_path))
     assert result["outcome"] == "timed_out"
-    assert result["reason"] == "not ready after 6 s: controller"
+    head, _, names = result["reason"].partition(": ")
+    assert head == "not ready after 6 s"
+    assert "controller" in names.split(", ")
 
 
 def test_fail_fast_begins_no_further_trial(hilrig, experiment, tmp_path: Path) -> None:

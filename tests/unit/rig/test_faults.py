@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import signal
 import threading
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.builders import TIME, applied, trial
+from helpers.patience import wait_for
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -220,12 +222,17 @@ def test_after_a_delay_messages_are_sent_at_once_again() -> None:
     sent = Sent()
     outbox = FaultyOutbox(sent, {0: 1_000_000}, {}, lambda *fault: None)  # pyright: ignore
     outbox.put(message(0))
-    while not sent.payloads:
-        time.sleep(1e-3)
-    time.sleep(5e-3)
-    outbox.put(message(1))
-    assert sent.payloads == [message(0), message(1)]
+    wait_for(lambda: sent.payloads)
+    ticks = itertools.count(1)
+
+    def at_once() -> bool:
+        """Send the next message; return whether it is on its way when `put` returns."""
+        outbox.put(message(tick := next(ticks)))
+        return sent.payloads[-1] == message(tick)
+
+    wait_for(at_once)
     outbox.end()
+    assert sent.payloads == [*map(message, range(next(ticks))), b""]
 
 
 def test_a_lost_message_is_never_sent_and_is_logged() -> None:

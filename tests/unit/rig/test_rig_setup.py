@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.patience import PATIENCE
 
 from hilrig.experiment.rig_settings import RigSettings
 from hilrig.rig import cores, scheduling
@@ -55,7 +56,7 @@ def applied(
     With `limit`, bytes, it is that of a user without privileges who may lock so much memory.
     """
     orders = json.dumps([asdict(RigSettings(**changes)), role, realtime, limit])
-    done = subprocess.run([sys.executable, "-c", APPLY, orders], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", APPLY, orders], capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     return found.pop("report"), found

@@ -78,6 +78,9 @@ def test_a_wrong_call_says_what_is_wrong(folder: Path) -> None:
     done = run(folder, "hilrig.testing", "metric", "./kinds/mine.py")
     assert done.returncode == 2
     assert done.stderr.startswith("there is no group 'metric'; did you mean 'metrics'?")
+    done = run(folder, "hilrig.testing", "references", "scale=2", "-q")
+    assert done.returncode == 2
+    assert done.stderr.startswith("name a kind of references (csv, hold, ")
     done = run(folder, "hilrig.testing")
     assert done.returncode == 2
     assert "GROUP" in done.stdout
