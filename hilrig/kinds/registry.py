@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import importlib
+import os
 import pkgutil
 import sys
 import traceback
@@ -193,7 +194,7 @@ def _from_file(group: str, path: Path) -> type:
     except OSError as error:
         raise PluginError(f"{path}: cannot be read: {error.strerror}") from error
     # The name holds the contents' digest: only a file that changed is loaded anew.
-    name = _USER_MODULE + hashlib.sha256(f"{group}:{path}:".encode() + source).hexdigest()[:16]
+    name = _USER_MODULE + hashlib.sha256(os.fsencode(f"{group}:{path}:") + source).hexdigest()[:16]
     module = sys.modules.get(name) or _execute(name, group, path)
     return _check(group, _only_class(module, str(path)), str(path))
 

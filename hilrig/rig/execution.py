@@ -17,6 +17,7 @@ from typing import Any, Protocol
 
 from hilrig.core.errors import ExperimentError, describe
 from hilrig.core.interfaces import is_fault
+from hilrig.core.text import write_text
 from hilrig.experiment import Experiment
 from hilrig.experiment.expecting import ends_as_expected
 from hilrig.experiment.plan.margins import margins
@@ -183,5 +184,5 @@ class _Work:
             return run_in_process(self._run, trial, report, self._options.stop.is_set)
         except Exception as error:
             log = trial_directory(self._run, trial.id) / "logs" / "supervisor.log"
-            log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+            write_text(log, "".join(traceback.format_exception(error)))
             return Outcome.of(trial, "failed", f"{describe(error)} (see {log})", 0, 0.0, {})
