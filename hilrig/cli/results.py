@@ -66,11 +66,12 @@ def tell_results(run: Path, out: Path | None, report: bool, junit: Path | None) 
     from hilrig.cli.terminal import errors, print_expectations
 
     with errors.status("making the report" if report else "measuring"):
+        from hilrig.core.text import write_text
         from hilrig.report import junit_xml, measure_run, write_report
 
         measured = measure_run(run, to_draw=report)
         if junit is not None:
-            junit.write_text(junit_xml(measured.data, measured.expected), encoding="utf-8")
+            write_text(junit, junit_xml(measured.data, measured.expected))
         page = write_report(measured, out) if report else None
     if page is not None:
         typer.echo(f"report   {page}")

@@ -1,8 +1,9 @@
-"""Text files of the user's, as bytes: UTF-8, with or without a byte order mark."""
+"""Text files: the user's are read as UTF-8, hilrig's are written so."""
 
 from __future__ import annotations
 
 import codecs
+from pathlib import Path
 
 OTHER_MARKS = {codecs.BOM_UTF16_LE: "UTF-16", codecs.BOM_UTF16_BE: "UTF-16"}
 
@@ -26,3 +27,8 @@ def decoded(content: bytes) -> str:
         if content[:2] in OTHER_MARKS:
             found = f"it begins with the byte order mark of {OTHER_MARKS[content[:2]]}"
         raise NotUtf8Error(f"is not UTF-8 text: {found}", line, column) from error
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file. Bytes that are not UTF-8, from the name of a folder say, become escapes such as \\udcff."""
+    path.write_text(text, encoding="utf-8", errors="backslashreplace")

@@ -13,6 +13,7 @@ import dataclasses
 import hashlib
 import importlib
 import math
+import os
 import pkgutil
 import sys
 import types
@@ -218,7 +219,7 @@ def _by_name(group: str, kind: str) -> type:
 def _from_file(group: str, path: Path) -> type:
     source = read_bytes(path)
     # The name holds the contents' digest: only a file that changed is loaded anew.
-    name = _USER_MODULE + hashlib.sha256(f"{group}:{path}:".encode() + source).hexdigest()[:16]
+    name = _USER_MODULE + hashlib.sha256(os.fsencode(f"{group}:{path}:") + source).hexdigest()[:16]
     module = sys.modules.get(name) or run_file(path, source, name, __hilrig_group__=group)
     return _check(group, _only_class(module, str(path)))
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pandas as pd
 from jinja2 import Environment, StrictUndefined
 
+from hilrig.core.text import write_text
 from hilrig.experiment.expecting import ended_early
 from hilrig.recording.run_directory import INVALID, reason_of
 from hilrig.report.bounds_section import BoundsSection
@@ -63,7 +64,7 @@ class Content:
 def write_page(content: Content) -> Path:
     """Write index.html into the report's folder and return its path."""
     path = content.folder / "index.html"
-    path.write_text(render_page(content), encoding="utf-8")
+    write_text(path, render_page(content))
     return path
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from jinja2 import Environment, StrictUndefined
 
+from hilrig.core.text import write_text
 from hilrig.report.dataset import RunData
 from hilrig.report.expectations import Expected
 from hilrig.report.page import STYLE
@@ -48,8 +49,8 @@ class Page:
 
 def write_pages(page: Page, out: Path) -> None:
     """Write index.html and README.md into `out`."""
-    (out / "index.html").write_text(_render(page, "index.html.j2", escape=True), encoding="utf-8")
-    (out / "README.md").write_text(_render(page, "README.md.j2", escape=False), encoding="utf-8")
+    write_text(out / "index.html", _render(page, "index.html.j2", escape=True))
+    write_text(out / "README.md", _render(page, "README.md.j2", escape=False))
 
 
 def _render(page: Page, name: str, escape: bool) -> str:
