@@ -116,4 +116,4 @@ def print_table(title: str, columns: dict[str, str], rows: list[list[str]]) -> N
         table.add_row(*row)
     # A pipe has no width: nothing must be folded or cut there.
     width = None if sys.stdout.isatty() else 200
-    Console(highlight=False, markup=False, width=width).print(table)
+    Console(highlight=False, width=width).print(table)
