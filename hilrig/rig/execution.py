@@ -17,6 +17,7 @@ from typing import Any, Protocol
 
 from hilrig.core.errors import ExperimentError, Stopped, describe_error
 from hilrig.core.interfaces import is_fault
+from hilrig.core.text import write_text
 from hilrig.experiment import Experiment
 from hilrig.experiment.expecting import ends_as_expected
 from hilrig.experiment.plan.assessing import assess
@@ -187,5 +188,5 @@ class _Runner:
             return Outcome.of(trial, "aborted", str(stop), 0, 0.0, {})
         except (Exception, SystemExit) as error:  # a law that ends the program ends its own trial only
             log = trial_directory(self._run, trial.id) / "logs" / "supervisor.log"
-            log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+            write_text(log, "".join(traceback.format_exception(error)))
             return Outcome.of(trial, "failed", f"{describe_error(error)} (see {log})", 0, 0.0, {})
