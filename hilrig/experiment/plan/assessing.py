@@ -109,6 +109,8 @@ def _checked_bound(bound: Bound) -> Bound:
         raise _NotAnAssessmentError(
             f"{who}: 'recorded_as' is {_shown(bound.recorded_as)}; it must be 'command_age' or ''"
         )
+    if bound.recorded_as == "command_age" and bound.unit != "s":
+        raise _NotAnAssessmentError(f"{who}: 'unit' is {_shown(bound.unit)}; a command_age is recorded in 's'")
     if not isinstance(bound.about, (tuple, list)) or not all(isinstance(key, (str, int)) for key in bound.about):
         raise _NotAnAssessmentError(f"{who}: 'about' must be keys, such as ('gain',), not {_shown(bound.about)}")
     value, limit = (_number(who, name, getattr(bound, name)) for name in ("value", "limit"))
@@ -117,7 +119,7 @@ def _checked_bound(bound: Bound) -> Bound:
 
 def _number(who: str, name: str, value: Any) -> float:
     """Return a number of a bound, infinite if need be. Raises _NotAnAssessmentError."""
-    array = np.asarray(value)
+    array = np.asarray(value if isinstance(value, (int, float, np.ndarray, np.generic)) else None)
     if array.dtype.kind not in "iuf" or array.size != 1:
         raise _NotAnAssessmentError(f"{who}: '{name}' must be one number, not {_shown(value)}")
     if np.isnan(array).any():

@@ -187,6 +187,7 @@ BOUND = 'Bound("b", 1.0, "below", 2.0, "", "")'
             "bound 'b': 'value' must be one number, not an arra",
         ),
         (f"return Assessment(({BOUND}._replace(limit='2'),))", "bound 'b': 'limit' must be one number, not '2'"),
+        (f"return Assessment(({BOUND}._replace(value=[1, [2]]),))", "'value' must be one number, not [1, [2]]"),
         (f"return Assessment(({BOUND}._replace(value=np.nan),))", "bound 'b': 'value' is not a number"),
         (f"return Assessment(({BOUND}._replace(must='under'),))", "'must' is 'under'; it must be 'below' or 'above'"),
         (
@@ -194,6 +195,10 @@ BOUND = 'Bound("b", 1.0, "below", 2.0, "", "")'
             "'about' must be keys, such as ('gain',), not 'gain'",
         ),
         (f"return Assessment(({BOUND}._replace(recorded_as='age'),))", "'recorded_as' is 'age'; it must be"),
+        (
+            f"return Assessment(({BOUND}._replace(recorded_as='command_age'),))",
+            "'unit' is ''; a command_age is recorded in",
+        ),
         (f"return Assessment(({BOUND}._replace(warning=None),))", "bound 'b': 'warning' must be text, not None"),
     ],
 )
