@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from hilrig.core.errors import PluginError, nearest
-from hilrig.kinds.registry import PROTOCOLS, is_path, kinds
+from hilrig.kinds.registry import PROTOCOLS, is_path, kind_names
 
 USAGE = f"""python -m hilrig.testing GROUP KIND [KIND ...] [FIELD=VALUE ...] [OPTION ...]
 
@@ -36,7 +36,7 @@ def main(arguments: Sequence[str]) -> int:
     first = next((i for i, word in enumerate(rest) if word.startswith("-")), len(rest))
     words, options = rest[:first], rest[first:]
     if not any("=" not in word for word in words):
-        raise PluginError(f"name a kind of {group} ({', '.join(kinds(group))}), or a file such as ./mine.py")
+        raise PluginError(f"name a kind of {group} ({', '.join(kind_names(group))}), or a file such as ./mine.py")
     with tempfile.TemporaryDirectory() as folder:
         # The two lines that an author would write. A configuration of pytest that happens to be here plays no part.
         file, settings = Path(folder, f"test_{group}.py"), Path(folder, "pytest.ini")

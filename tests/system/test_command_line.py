@@ -114,7 +114,7 @@ def test_an_unknown_run_is_named() -> None:
         (("kinds", "controlers"), "did you mean 'controllers'"),
         (("report", "none"), "there is no run"),
         (("reproduce", "none.yaml"), "none.yaml"),
-        (("reproduce", "{quickstart}"), "this is an experiment, not a study; type: hilrig run"),
+        (("reproduce", "{quickstart}"), "this is an experiment, not a study; to run it: hilrig run"),
         (("reproduce", "{quickstart}", "--set", "repeats=2"), "give --out"),
         (("reproduce", "{quickstart}", "--jobs", "0"), "must be at least 1"),
     ],
