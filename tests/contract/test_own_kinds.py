@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+from helpers import drivers
 from helpers.builders import PERIOD, STILL, arm, begin, surface, torque_command
 
 from hilrig import Array, Law, State
@@ -81,7 +82,7 @@ def test_a_metric_is_defined_in_its_docstring_and_zero_without_errors(kind: str)
     assert all(value > 1e-6 for value in small.values())
 
 
-@pytest.mark.parametrize("kind", kind_names("drivers"))
+@pytest.mark.parametrize("kind", drivers.KINDS)
 def test_a_servo_gives_its_stiffness_times_the_way_to_go(kind: str) -> None:
     """Of 60 N m/rad, 0.1 and -0.05 rad from where it is told to be, at rest, in a period of one step."""
     servo = Actuation("position_servo", stiffness=60.0)
@@ -97,7 +98,7 @@ def test_a_servo_gives_its_stiffness_times_the_way_to_go(kind: str) -> None:
 
 
 @pytest.mark.parametrize("friction", [(0.0, 0.0), (0.05, 0.05)], ids=["direct", "with friction"])
-@pytest.mark.parametrize("kind", kind_names("drivers"))
+@pytest.mark.parametrize("kind", drivers.KINDS)
 def test_an_arm_without_friction_keeps_no_command_either(kind: str, friction: tuple[float, float]) -> None:
     """A plant may take a shorter way without friction; the array of its command is written again at the next tick."""
     plant = begin(load_kind("drivers", kind)(arm(), surface(), coulomb=friction), (0.4, 1.3))

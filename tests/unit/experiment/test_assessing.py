@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from helpers.bounds import BEST, DERIVED, PRINTED, UPPER, estimating, tip_inertia
 from helpers.builders import arm
+from helpers.experiments import EXPERIMENTS, parameters
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -22,7 +23,6 @@ from hilrig.experiment.plan import plan
 from hilrig.experiment.plan.assessing import assess, setting_of
 from hilrig.experiment.plan.warnings import warnings
 
-EXPERIMENTS = Path(__file__).parents[3] / "experiments"
 QUICKSTART = EXPERIMENTS / "quickstart.yaml"
 numbers = st.floats(-1e6, 1e6).filter(lambda value: abs(value) > 1e-6)
 
@@ -98,7 +98,7 @@ def warned(path: Path, overrides: Sequence[str] = ()) -> list[str]:
 SHIPPED = [path for path in sorted(EXPERIMENTS.rglob("*.yaml")) if path.name != "reproduce.yaml"]
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", parameters(SHIPPED))
 def test_the_projects_own_experiments_need_no_warning(path: Path) -> None:
     assert warned(path) == []
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from helpers.builders import PERIOD, arm, surface, trial
+from helpers.drivers import DRIVERS
 from helpers.in_memory import Nodes, Wire, pass_messages
 from hilrig_drivers.pybullet_arm import PybulletArm
 from hilrig_drivers.two_link import TwoLink
@@ -101,13 +102,13 @@ def test_before_the_first_command_the_arm_is_held() -> None:
         np.testing.assert_allclose(early["joint_position"], wire.measured[0]["joint_position"], atol=1e-12)
 
 
-def test_the_same_trial_twice_gives_the_same_bits() -> None:
-    for driver in (TwoLink(arm(), surface()), PybulletArm(arm(), surface())):
-        first, second = (ride(trial(driver, TdeSlidingMode())) for _ in range(2))
-        for a, b in zip(first.measured, second.measured, strict=True):
-            np.testing.assert_array_equal(a["joint_position"], b["joint_position"])
-            np.testing.assert_array_equal(a["wrench"], b["wrench"])
-        assert not np.array_equal(first.measured[-1]["joint_position"], first.measured[0]["joint_position"])
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_the_same_trial_twice_gives_the_same_bits(driver: Any) -> None:
+    first, second = (ride(trial(driver(arm(), surface()), TdeSlidingMode())) for _ in range(2))
+    for a, b in zip(first.measured, second.measured, strict=True):
+        np.testing.assert_array_equal(a["joint_position"], b["joint_position"])
+        np.testing.assert_array_equal(a["wrench"], b["wrench"])
+    assert not np.array_equal(first.measured[-1]["joint_position"], first.measured[0]["joint_position"])
 
 
 def test_measurement_delay_gives_old_measurements() -> None:
@@ -273,6 +274,7 @@ def test_a_trial_that_ends_early_tells_why_and_releases_the_plant_once(end: Exce
     assert closed == [True]
 
 
+@pytest.mark.needs_pybullet
 def test_a_driver_that_measures_another_number_of_joints_is_refused() -> None:
     nodes = Nodes(trial(PybulletArm(arm(), surface())))
     measure = nodes.driver.plant.measure

@@ -71,6 +71,7 @@ def test_the_batches_may_have_any_number_of_rows(rows: int) -> None:
     assert len(compared(trial(controller=Pd()), rows=rows).command) == 200
 
 
+@pytest.mark.needs_pybullet
 @pytest.mark.parametrize("law", [Pd(), Numpy()])
 def test_with_a_physics_engine_one_node_is_compiled(law: Any) -> None:
     assert len(compared(trial(PybulletArm(arm(), surface()), law)).command) == 200

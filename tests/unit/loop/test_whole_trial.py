@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.builders import arm, surface, trial
+from helpers.drivers import DRIVERS
 from helpers.in_memory import memory_of, pass_messages
 from helpers.laws import EVERYTHING, SERVO, Numpy
 from helpers.plain_loop import Passed, run_plainly
-from hilrig_drivers.pybullet_arm import PybulletArm
 from hilrig_drivers.two_link import TwoLink
 
 from hilrig.core.compiler import kernel
@@ -171,11 +171,11 @@ def test_a_memory_that_does_not_lie_in_one_piece_is_recorded_all_the_same(memory
     assert compared(trial(controller=Numpy(memory=memory))).outcome == "completed"
 
 
-def test_a_physics_engine_offers_no_kernels_and_a_compiled_plant_does() -> None:
-    for driver, offered in ((PybulletArm(arm(), surface()), False), (TwoLink(arm(), surface()), True)):
-        node = DriverNode(trial(driver))
-        assert node.compiled == offered
-        node.close()
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_a_physics_engine_offers_no_kernels_and_a_compiled_plant_does(driver: Any) -> None:
+    node = DriverNode(trial(driver(arm(), surface())))
+    assert node.compiled == (driver is TwoLink)
+    node.close()
 
 
 def test_blocks_and_single_ticks_give_the_same_messages() -> None:
