@@ -14,6 +14,7 @@ from hilrig.cli.progress import Display
 from hilrig.core.errors import RigError
 from hilrig.experiment import load
 from hilrig.experiment.plan import plan
+from hilrig.experiment.plan.assessing import assess
 from hilrig.experiment.trial import Trial
 from hilrig.recording.bag import read_bag
 from hilrig.recording.certificate.attribution import attribute
@@ -49,7 +50,7 @@ def measure_stalls(count: int, out: Path, seed: int = 1) -> dict[str, Any]:
     trials = plan(loaded)
     command = ["python", "-m", "benchmarks", "stalls", f"--count={count}", f"--seed={seed}"]
     with Display(len(trials)) as display:
-        run, outcomes = execute(loaded, trials, file, Options(out, command), display)
+        run, outcomes = execute(loaded, trials, assess(loaded, trials), file, Options(out, command), display)
     if failed := [outcome for outcome in outcomes if not outcome.completed]:
         raise RigError(f"trial {failed[0].trial} ended {failed[0].outcome}: {failed[0].reason}")
     quiet, faulty = trials

@@ -7,7 +7,7 @@ import time
 
 TIMER_ABSTIME = 1
 NANOSECONDS = 1_000_000_000
-PROGRESS = 100_000_000
+PROGRESS_NS = 100_000_000
 """Time between two reports of a trial's progress, and between two looks at whether to stop, ns"""
 
 

@@ -9,7 +9,7 @@ from threading import Thread
 from hilrig.rig.bus import Inbox
 
 
-class Waiting:
+class BlockingCommandReceiver:
     """For lockstep: the driver waits for the next command itself."""
 
     def __init__(self, inbox: Inbox) -> None:

@@ -14,8 +14,8 @@ from hilrig.recording.messages.layouts import layouts
 from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.channels import DRIVER_CHANNELS, RecordSender
 from hilrig.rig.child import Child, main
-from hilrig.rig.clock import PROGRESS, Pacer
-from hilrig.rig.command_receiver import CommandReceiver, Waiting
+from hilrig.rig.clock import PROGRESS_NS, Pacer
+from hilrig.rig.command_receiver import CommandReceiver, BlockingCommandReceiver
 from hilrig.rig.faults import Injector
 from hilrig.rig.rows import HeardCommand, driver_rows
 from hilrig.rig.warm_up import warm_up_driver
@@ -36,7 +36,7 @@ class BusWire:
         outbox = child.bus.outbox("state", blocking=not self._realtime)
         self._outbox = outbox if injector is None else injector.outbox(outbox)
         inbox = child.bus.inbox("command")
-        self._commands = CommandReceiver(inbox) if self._realtime else Waiting(inbox)
+        self._commands = CommandReceiver(inbox) if self._realtime else BlockingCommandReceiver(inbox)
         self._record = RecordSender(child.record(), codecs, DRIVER_CHANNELS)
         self._state = self._record.batches["state"]
         self._certified = child.settings.certificate
@@ -53,7 +53,7 @@ class BusWire:
         self._due = self._pacer.wait(tick)
         self._woke = woke = time.monotonic_ns()
         if woke > self._next_report:
-            self._next_report = woke + PROGRESS
+            self._next_report = woke + PROGRESS_NS
             self._child.tell("progress", tick=tick)
             if self._child.told_to_stop():
                 raise Stopped("by order")

@@ -20,7 +20,7 @@ from hilrig.core.interfaces import is_fault
 from hilrig.core.text import write_text
 from hilrig.experiment import Experiment
 from hilrig.experiment.expecting import ends_as_expected
-from hilrig.experiment.plan.assessing import assess
+from hilrig.experiment.plan.assessing import PlanAssessment
 from hilrig.experiment.trial import Trial
 from hilrig.kinds.registry import name_of
 from hilrig.recording.manifest import provenance
@@ -67,9 +67,14 @@ class Options:
 
 
 def execute(
-    experiment: Experiment, trials: Sequence[Trial], source: Path, options: Options, listener: Listener
+    experiment: Experiment,
+    trials: Sequence[Trial],
+    assessment: PlanAssessment,
+    source: Path,
+    options: Options,
+    listener: Listener,
 ) -> tuple[Path, list[Outcome]]:
-    """Run all trials of the experiment in file `source`.
+    """Run all trials of the experiment in file `source`, of which the `assessment` is written down with the plan.
 
     Returns the run directory and the outcomes of the trials that were started, in the plan's order. Raises
     ExperimentError if the options do not suit the trials.
@@ -80,7 +85,7 @@ def execute(
         "experiment": experiment.to_document(),
         "trials": [trial.to_document() for trial in trials],
         # Written down here: a report may be made where the robot's code is absent.
-        "bounds": assess(experiment, trials).document(),
+        "bounds": assessment.document(),
     }
     run = create_run(options.out, experiment.name, source.read_bytes(), plan)
     manifest = _manifest(experiment, source, options)

@@ -21,7 +21,7 @@ from hilrig.recording.recorder import TIMING, Recorder
 from hilrig.recording.run_directory import trial_directory, write_json
 from hilrig.recording.timing import certify
 from hilrig.rig.channels import NAMES, RecordBatches
-from hilrig.rig.clock import PROGRESS, Pacer
+from hilrig.rig.clock import PROGRESS_NS, Pacer
 from hilrig.rig.outcome import Outcome
 from hilrig.rig.rows import FEWEST, HeardCommand, HeardState, controller_rows, driver_rows
 from hilrig.rig.warm_up import warm_up_controller, warm_up_driver
@@ -44,7 +44,7 @@ class Caller:
     def look(self, tick: int, now_ns: int) -> None:
         """Report that `tick` comes next, if it is time to. Raises Stopped when told to end."""
         if now_ns > self._next_report_ns:
-            self._next_report_ns = now_ns + PROGRESS
+            self._next_report_ns = now_ns + PROGRESS_NS
             self._report(tick)
             if self._stop():
                 raise Stopped("interrupted")

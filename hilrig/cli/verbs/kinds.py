@@ -5,14 +5,13 @@ from __future__ import annotations
 import inspect
 import math
 from pathlib import Path
-from types import ModuleType
 from typing import Annotated
 
 import typer
 
 from hilrig.cli.application import app
 from hilrig.core.compiler import interpret
-from hilrig.core.errors import ExperimentError, nearest
+from hilrig.core.errors import ExperimentError, PluginError, nearest
 
 GROUPS = ("controllers", "drivers", "robots", "references", "disturbances", "metrics")
 
@@ -40,21 +39,30 @@ def kinds(
         return
     if group not in GROUPS:
         raise ExperimentError(f"there is no group '{group}'{nearest(group, GROUPS)} (groups: {', '.join(GROUPS)})")
-    for name in [kind] if kind else plugins.kind_names(group):
-        _show_kind(group, name, brief=kind is None)
+    if kind is not None:
+        _describe(group, kind)
+        return
+    for name in plugins.kind_names(group):
+        typer.echo(f"{name:20} {_first_line(group, name)}")
 
 
-def _show_kind(group: str, kind: str, brief: bool) -> None:
+def _first_line(group: str, kind: str) -> str:
+    """Return what the module of a kind says it is; of one that cannot be loaded, why: the others are still listed."""
+    from hilrig.kinds import registry as plugins
+
+    try:
+        cls = plugins.load_kind(group, kind)
+    except PluginError as error:
+        return f"cannot be loaded: {error}"
+    return (inspect.getdoc(inspect.getmodule(cls)) or "").split("\n")[0]
+
+
+def _describe(group: str, kind: str) -> None:
     from hilrig.cli.terminal import print_table
     from hilrig.experiment.schema import describe_kind
     from hilrig.kinds import registry as plugins
 
-    cls = plugins.load_kind(group, kind, Path.cwd())
-    if brief:
-        typer.echo(f"{kind:20} {_first_line(inspect.getmodule(cls))}")
-        return
-    text = inspect.getdoc(cls) or ""
-    typer.echo(f"{text}\n")
+    typer.echo(f"{inspect.getdoc(plugins.load_kind(group, kind, Path.cwd())) or ''}\n")
     rows = [
         [row.name, row.unit, row.default, _bound(row.low), _bound(row.high), row.scale, row.meaning]
         for row in describe_kind(group, kind)
@@ -73,7 +81,3 @@ def _show_kind(group: str, kind: str, brief: bool) -> None:
 
 def _bound(value: float) -> str:
     return f"{value:g}" if math.isfinite(value) else ""
-
-
-def _first_line(module: ModuleType | None) -> str:
-    return (inspect.getdoc(module) or "").split("\n")[0]

@@ -73,6 +73,7 @@ def _run_all(loaded: Loaded, there: dict[str, Path], out: Path, jobs: int, overr
     """Run every experiment that has no run yet; return a run of each, by name."""
     from hilrig.cli.progress import Display
     from hilrig.experiment.plan import plan
+    from hilrig.experiment.plan.assessing import assess
     from hilrig.rig.execution import Options, execute
 
     # All plans first: what is wrong must show before anything is started.
@@ -80,12 +81,16 @@ def _run_all(loaded: Loaded, there: dict[str, Path], out: Path, jobs: int, overr
         name: plan(experiment) for name, experiment in loaded.experiments.items() if name not in there
     }
     made = dict(there)
+    assessed = {name: assess(loaded.experiments[name], trials) for name, trials in planned.items()}
     stop = interruptible()
     for name, trials in planned.items():
+        experiment = loaded.experiments[name]
         options = Options(out, ["hilrig", *sys.argv[1:]], overrides, in_process=True, jobs=jobs, stop=stop)
         with Display(len(trials)) as display:
-            made[name], outcomes = execute(loaded.experiments[name], trials, loaded.sources[name], options, display)
+            made[name], outcomes = execute(
+                experiment, trials, assessed[name], loaded.sources[name], options, display
+            )
         if stop.is_set():
             raise typer.Exit(130)
-        tell_run(made[name], loaded.experiments[name], trials, outcomes)
+        tell_run(made[name], experiment, trials, outcomes)
     return made

@@ -68,13 +68,14 @@ def run(
         raise ExperimentError("--watch needs the bus, and --in-process runs without it; leave out one of the two")
 
     make_room(junit)
-    echo_warnings(judged(loaded, trials)[1])
+    assessment, warnings = judged(loaded, trials)
+    echo_warnings(warnings)
 
     from hilrig.rig.execution import Options, execute
 
     options = Options(out, ["hilrig", *sys.argv[1:]], overrides, in_process, jobs, fail_fast, interruptible())
     with listener(len(trials), watch) as display:
-        directory, outcomes = execute(loaded, trials, experiment, options, display)
+        directory, outcomes = execute(loaded, trials, assessment, experiment, options, display)
     ended_well = tell_run(directory, loaded, trials, outcomes)
     drawn = report and any(outcome.completed for outcome in outcomes)
     met = tell_results(directory, None, drawn, junit) if drawn or junit or loaded.expect else True

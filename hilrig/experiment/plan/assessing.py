@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import inspect
-import sys
-import traceback
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from hilrig.core.assessment import Assessing, Assessment, Bound, Setting
-from hilrig.core.errors import ExperimentError, Problem
+from hilrig.core.errors import ExperimentError, HilrigError, PluginError, Problem
 from hilrig.experiment.plan.free_flight import assess_free_flight
 from hilrig.experiment.plan.path import tip_paths
 from hilrig.experiment.trial import Trial, make_task
+from hilrig.kinds.user_files import code_of, place_of
 
 if TYPE_CHECKING:
     from hilrig.experiment import Experiment
@@ -37,22 +35,25 @@ class PlanAssessment(NamedTuple):
 def assess(experiment: Experiment, trials: Sequence[Trial]) -> PlanAssessment:
     """Return which bounds the trials of an experiment's plan keep, at the worst place of all conditions.
 
-    Raises ExperimentError if a controller's `assess` fails or returns something else than an assessment.
+    Raises ExperimentError if a controller's `assess` fails or returns something else than an assessment, and
+    PluginError if a user's robot fails along the path.
     """
-    setting = setting_of(trials)
+    with code_of():
+        setting = setting_of(trials)
+        task = assess_free_flight(trials[0], setting)
     controllers = {trial.controller_name: trial.controller for trial in trials}
     found, problems = {}, []
     for name, controller in controllers.items():
         if not isinstance(controller, Assessing):
             continue
         try:
-            found[name] = _checked(controller.assess(setting))
-        except Exception as error:
-            place = experiment.place("controllers", name)
-            problems.append(Problem(place, f"controller '{name}': {_failure(controller, error)}"))
+            with code_of(controller):
+                found[name] = _checked(controller.assess(setting), controller)
+        except HilrigError as error:
+            problems.append(Problem(experiment.place("controllers", name), f"controller '{name}': {error}"))
     if problems:
         raise ExperimentError(problems)
-    return PlanAssessment(found, assess_free_flight(trials[0], setting))
+    return PlanAssessment(found, task)
 
 
 def setting_of(trials: Sequence[Trial]) -> Setting:
@@ -77,12 +78,22 @@ def _read_only(value: Any) -> Any:
     return value
 
 
+def _checked(found: Any, controller: Assessing) -> Assessment:
+    """Return what a controller said of itself. Raises PluginError, naming the line of its `assess`."""
+    try:
+        return _assessment(found)
+    except _NotAnAssessmentError as error:
+        code = getattr(inspect.unwrap(type(controller).assess), "__code__", None)
+        where = f"{code.co_filename}:{code.co_firstlineno}" if code else place_of(type(controller))
+        raise PluginError(f"{where}: assess: {error}") from error
+
+
 class _NotAnAssessmentError(Exception):
     """What a controller returned is none; the message says what is wrong with it."""
 
 
-def _checked(found: Any) -> Assessment:
-    """Return what a controller said of itself. Raises _NotAnAssessmentError."""
+def _assessment(found: Any) -> Assessment:
+    """Return an assessment of plain data. Raises _NotAnAssessmentError."""
     if not isinstance(found, Assessment):
         raise _NotAnAssessmentError(f"it must return an Assessment, not {_shown(found)}")
     for name, kind in (("bounds", Bound), ("unknown", str)):
@@ -133,16 +144,3 @@ def _shown(value: Any) -> str:
         return f"an array of shape {value.shape}"
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _failure(controller: Assessing, error: Exception) -> str:
-    """Return why `assess` failed, and in which line of the controller's file."""
-    file = str(sys.modules[type(controller).__module__].__file__)
-    if isinstance(error, _NotAnAssessmentError):
-        code = getattr(inspect.unwrap(type(controller).assess), "__code__", None)
-        where = f"{Path(code.co_filename).name}:{code.co_firstlineno}" if code else Path(file).name
-        return f"assess in {where}: {error}"
-    frames = traceback.extract_tb(error.__traceback__)
-    # What is raised deep in a library was called from somewhere in the controller's own file.
-    own = [frame for frame in frames if frame.filename == file] or frames
-    return f"assess failed at {Path(own[-1].filename).name}:{own[-1].lineno}: {type(error).__name__}: {error}"

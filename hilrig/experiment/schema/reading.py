@@ -220,9 +220,8 @@ def _kinds_schema(group: str, allowed: type | None) -> dict[str, Any]:
             continue
         if allowed is None or issubclass(cls, allowed):
             choices.append(_kind_schema({"const": kind}, record_schema(cls), cls.__doc__ or ""))
-    if allowed is None:
-        anything = {"type": "object", "properties": {}, "required": []}
-        choices.append(_kind_schema({"type": "string", "pattern": r"(\.py$)|/"}, anything, "A file of your own."))
+    anything = {"type": "object", "properties": {}, "required": []}
+    choices.append(_kind_schema({"type": "string", "pattern": r"(\.py$)|/"}, anything, "A file of your own."))
     return {"oneOf": choices}
 
 

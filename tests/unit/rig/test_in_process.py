@@ -56,7 +56,7 @@ class Faulty:
 @pytest.fixture(autouse=True)
 def _short_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(in_process, "BLOCK", BLOCK)
-    monkeypatch.setattr(in_process, "PROGRESS", 0)
+    monkeypatch.setattr(in_process, "PROGRESS_NS", 0)
 
 
 def stopping(at: int) -> tuple[Callable[[int], None], Callable[[], bool]]:

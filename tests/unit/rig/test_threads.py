@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from hilrig.rig import background_sender
 from hilrig.rig.background_sender import BackgroundSender
-from hilrig.rig.command_receiver import CommandReceiver, Waiting
+from hilrig.rig.command_receiver import CommandReceiver, BlockingCommandReceiver
 
 STOPPED = """
 import sys, time
@@ -55,7 +55,7 @@ def test_in_lockstep_commands_are_taken_in_order() -> None:
     box: Any = Box()
     for message in (b"one", b"two", b""):
         box.messages.put(message)
-    waiting, before = Waiting(box), time.monotonic_ns()
+    waiting, before = BlockingCommandReceiver(box), time.monotonic_ns()
     taken = [waiting.take() for _ in range(3)]
     assert [message for _, message in taken] == [b"one", b"two", b""]
     stamps = [before, *(moment for moment, _ in taken), time.monotonic_ns()]
