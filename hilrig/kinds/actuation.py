@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
-from hilrig.core.compiler import kernel
+from hilrig.core.compiler import jitable, kernel
 from hilrig.core.parameters import Parameter
 from hilrig.core.signals import Array
 
@@ -40,12 +40,13 @@ class Servo(NamedTuple):
     gravity_compensation: bool
 
 
-def position_reference(torque: Array, joint_position: Array, k_ref: float | None) -> Array:
-    """Return tau / k_ref + q (n,) rad of eq. (26), or q itself for a plant that takes torques (k_ref None).
+@jitable
+def position_reference(torque: float, q: float, k_ref: float) -> float:
+    """Return a joint's reference tau / k_ref + q (rad) of eq. (26); q itself where k_ref is 0: torques are commanded.
 
     The period of delay in (26) is the rig's actuation delay.
     """
-    return joint_position + torque / k_ref if k_ref else joint_position.copy()
+    return q + torque / k_ref if k_ref != 0.0 else q
 
 
 def holding_position(torque: Array, joint_position: Array, servo: Servo, gravity: Array) -> Array:

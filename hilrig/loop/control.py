@@ -16,6 +16,7 @@ from hilrig.core.compiler import assembled, jitable, kernel, kernel_without_arra
 from hilrig.core.kernel_interfaces import RobotKernels
 from hilrig.core.signals import WRENCH_AXES, Array, Kinematics, Reference, State
 from hilrig.experiment.trial import Trial, references, start_joint_position
+from hilrig.kinds.actuation import position_reference
 from hilrig.loop.rows import ControllerRows, StateRows, put
 
 
@@ -143,7 +144,7 @@ def answer(tick: int, asked: Array, memory: tuple[Array, ...], arrays: Controlle
     for i in range(arrays.torque.size):
         q, torque = arrays.position[i], arrays.torque[i]
         rows.command.torque[row, i] = torque
-        rows.command.position[row, i] = q + torque / arrays.k_ref if arrays.k_ref != 0.0 else q
+        rows.command.position[row, i] = position_reference(torque, q, arrays.k_ref)
     column = 0
     for field in memory:
         put(rows.internals.memory[row, column:], field)

@@ -11,7 +11,7 @@ from hilrig.experiment.timing_budget import TimingBudget
 from hilrig.recording.certificate.attribution import attribute
 from hilrig.recording.certificate.budget import violations
 from hilrig.recording.certificate.durations import Terms, durations
-from hilrig.recording.certificate.histogram import histogram, quantiles
+from hilrig.recording.certificate.histogram import histogram, quantiles_us
 from hilrig.recording.certificate.table import StampColumns, join
 
 Setup = Mapping[str, Mapping[str, Mapping[str, Any]]]
@@ -51,7 +51,7 @@ def certify(
         "late": late,
         "late_fraction": late / ticks if ticks else 0.0,
         "late_by": found.counts(),
-        **{f"{name}_us": quantiles(values[name]) if name in values else None for name in DURATIONS},
+        **{f"{name}_us": quantiles_us(values[name]) if name in values else None for name in DURATIONS},
         "histograms": {name: histogram(values[name]) for name in DURATIONS if name in values and values[name].size},
         "setup": {process: dict(settings) for process, settings in (setup or {}).items()},
         "budget": {

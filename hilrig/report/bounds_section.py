@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hilrig.core.signals import Array
+from hilrig.recording.certificate.histogram import quantiles
 from hilrig.report.dataset import RunData
 
 
@@ -87,7 +88,8 @@ def _delay(trial: Mapping[str, Any], ages: Array) -> LoopDelay:
     period, planned = 1e3 * trial["period"], 1e3 * trial["actuation_delay"] * trial["period"]
     if ages.size == 0:
         return LoopDelay(period, planned, None, None, None)
-    return LoopDelay(period, planned, *(1e3 * float(value) for value in np.percentile(ages, [50, 99, 100])))
+    found = quantiles(ages)
+    return LoopDelay(period, planned, *(1e3 * found[name] for name in ("p50", "p99", "max")))
 
 
 def _row(bound: Mapping[str, Any], ages: Array | None = None) -> BoundRow:

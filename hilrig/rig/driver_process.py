@@ -15,7 +15,7 @@ from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.channels import DRIVER_CHANNELS, RecordSender
 from hilrig.rig.child import Child, main
 from hilrig.rig.clock import PROGRESS_NS, Pacer
-from hilrig.rig.command_receiver import CommandReceiver, BlockingCommandReceiver
+from hilrig.rig.command_receiver import BlockingCommandReceiver, CommandReceiver
 from hilrig.rig.faults import Injector
 from hilrig.rig.rows import HeardCommand, driver_rows
 from hilrig.rig.warm_up import warm_up_driver

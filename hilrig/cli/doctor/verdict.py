@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hilrig.experiment.timing_budget import TimingBudget
-from hilrig.recording.certificate.histogram import quantiles
+from hilrig.recording.certificate.histogram import quantiles_us
 from hilrig.recording.certificate.late import is_late
 from hilrig.rig.setup import Report
 
@@ -68,7 +68,7 @@ def summarise_probe(stamps: ProbeStamps, steal: float, setup: dict[str, Report])
     late = is_late(tick, np.where(in_time, tick - 1, -1), due, applied=woke, delay=1, period_ns=stamps.period)
     return Probe(
         ticks=lateness.size, period=stamps.period * 1e-9, late=int(np.count_nonzero(late)),
-        lateness_us=quantiles(lateness) or {}, round_trip_us=quantiles(trips) or {},
+        lateness_us=quantiles_us(lateness) or {}, round_trip_us=quantiles_us(trips) or {},
         unanswered=int(np.sum(~answered)), steal=steal, setup=setup,
     )  # fmt: skip
 

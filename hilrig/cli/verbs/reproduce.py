@@ -87,9 +87,7 @@ def _run_all(loaded: Loaded, there: dict[str, Path], out: Path, jobs: int, overr
         experiment = loaded.experiments[name]
         options = Options(out, ["hilrig", *sys.argv[1:]], overrides, in_process=True, jobs=jobs, stop=stop)
         with Display(len(trials)) as display:
-            made[name], outcomes = execute(
-                experiment, trials, assessed[name], loaded.sources[name], options, display
-            )
+            made[name], outcomes = execute(experiment, trials, assessed[name], loaded.sources[name], options, display)
         if stop.is_set():
             raise typer.Exit(130)
         tell_run(made[name], experiment, trials, outcomes)

@@ -54,10 +54,6 @@ class History:
         """The latest wake-up in the views that are kept, s."""
         return max((view.lateness for view in self.views), default=0.0)
 
-    def late_lately(self) -> int:
-        """Return how many ticks were late since the first of the views that are kept."""
-        return self.views[-1].late - self.views[0].late if self.views else 0
-
     def error(self, axis: int) -> Array:
         """Return the error of an axis in each kept view, (N,) m or N."""
         return np.array([view.error[axis] for view in self.views])

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from hilrig.experiment.timing_budget import TimingBudget
 from hilrig.recording.certificate.durations import Terms
+from hilrig.recording.certificate.histogram import quantiles
 from hilrig.recording.certificate.table import Stamps
 
 
@@ -22,7 +21,7 @@ def violations(budget: TimingBudget, terms: Terms, ticks: int, late: int, ages: 
         reasons.append(f"late ticks {value} %, at most {limit} %")
     if ages.size == 0:
         return [*reasons, "no command took effect: its age is not known"]
-    age_ms = float(np.percentile(ages, 99)) / 1e6
+    age_ms = quantiles(ages)["p99"] / 1e6
     limit_ms = 1e3 * budget.command_age_limit(terms.period, terms.actuation_delay)
     if age_ms > limit_ms:
         value, limit = _told_apart(age_ms, limit_ms)

@@ -7,6 +7,8 @@ hours. Negative values are counted in the mirror images of these bins.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,12 +39,16 @@ def tail(bins: list[list[int]]) -> tuple[NDArray[np.int64], NDArray[np.float64]]
     return edges, np.cumsum(counts[::-1])[::-1] / max(int(counts.sum()), 1)
 
 
-def quantiles(nanoseconds: NDArray[np.int64]) -> dict[str, float] | None:
-    """Return p50, p99, p99.9 and max, in microseconds to a tenth; None if there are no values.
+def quantiles(values: NDArray[Any]) -> dict[str, float]:
+    """Return p50, p99, p99.9 and max of at least one value, by the names in QUANTILES.
 
     They are of the values themselves, not of their bins: numpy's percentiles, linear between neighbours.
     """
+    return dict(zip(QUANTILES, map(float, np.percentile(values, list(QUANTILES.values()))), strict=True))
+
+
+def quantiles_us(nanoseconds: NDArray[np.int64]) -> dict[str, float] | None:
+    """Return the quantiles of durations in ns, in microseconds to a tenth; None if there are none."""
     if nanoseconds.size == 0:
         return None
-    values = np.percentile(nanoseconds, list(QUANTILES.values())) / 1e3
-    return dict(zip(QUANTILES, (round(float(value), 1) for value in values), strict=True))
+    return {name: round(value / 1e3, 1) for name, value in quantiles(nanoseconds).items()}

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from hilrig.core.errors import PluginError
 from hilrig.core.law_memory import RECORDED, memory_sizes, name_problem
+from hilrig.loop.rows import InternalsRows
 
 ROS_2 = re.compile(r"^(?!.*__)(?!.*_$)[a-z][a-z0-9_]*$")
 """As in rosidl_adapter/parser.py, VALID_FIELD_NAME_PATTERN"""
@@ -32,6 +33,7 @@ def test_a_name_like_it_is_proposed(name: str, example: str) -> None:
 
 
 def test_a_name_of_the_record_is_refused() -> None:
+    assert (*RECORDED, "memory") == InternalsRows._fields
     assert "the record needs for itself" in name_problem("position")
 
 

@@ -48,7 +48,7 @@ def test_torque_actuation_passes_the_torque_and_ignores_the_position() -> None:
     torque = np.array([1.0, 2.0])
     got = motor_torque(Actuation().constants(), torque, np.array([9.0, 9.0]), STILL, np.ones(2), np.ones(2))
     np.testing.assert_array_equal(got, torque)
-    np.testing.assert_array_equal(position_reference(torque, np.array([0.1, 0.2]), None), [0.1, 0.2])
+    np.testing.assert_array_equal(position_reference(torque, np.array([0.1, 0.2]), 0.0), [0.1, 0.2])
 
 
 def test_a_servo_without_stiffness_holds_where_it_is() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.packages import offer
 
 from hilrig.core.errors import PluginError
 from hilrig.core.parameters import plain
@@ -32,15 +33,6 @@ class Mine:
 class Helper:
     """Not a dataclass, so not the kind."""
 '''
-
-
-def offer(folder: Path, monkeypatch: pytest.MonkeyPatch, group: str, entry: str) -> None:
-    """Install a package that offers one kind, and forget which kinds were found before, for the rest of a test."""
-    (folder / "other-1.0.dist-info").mkdir()
-    (folder / "other-1.0.dist-info" / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 1.0\n")
-    (folder / "other-1.0.dist-info" / "entry_points.txt").write_text(f"[hilrig.{group}]\n{entry}\n")
-    monkeypatch.syspath_prepend(folder)
-    monkeypatch.setattr(plugins, "_entry_points", plugins._entry_points.__wrapped__)
 
 
 def test_built_in_kinds_are_the_files() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hilrig.experiment.timing_budget import TimingBudget
 from hilrig.recording.certificate.budget import violations
 from hilrig.recording.certificate.durations import Terms, command_age, durations, late_ticks
-from hilrig.recording.certificate.histogram import histogram, lower_edges, quantiles, tail
+from hilrig.recording.certificate.histogram import histogram, lower_edges, quantiles_us, tail
 from hilrig.recording.certificate.late import is_late
 from hilrig.recording.certificate.table import join
 from hilrig.recording.timing import certify
@@ -171,8 +171,8 @@ def test_the_tail_is_exact_at_the_edges(values: list[int]) -> None:
 
 
 def test_quantiles_are_of_the_values_and_in_microseconds() -> None:
-    assert quantiles(np.arange(1001) * MICRO) == {"p50": 500.0, "p99": 990.0, "p99.9": 999.0, "max": 1000.0}
-    assert quantiles(np.zeros(0, dtype=np.int64)) is None
+    assert quantiles_us(np.arange(1001) * MICRO) == {"p50": 500.0, "p99": 990.0, "p99.9": 999.0, "max": 1000.0}
+    assert quantiles_us(np.zeros(0, dtype=np.int64)) is None
 
 
 @given(st.data())

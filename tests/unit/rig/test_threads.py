@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from hilrig.rig import background_sender
 from hilrig.rig.background_sender import BackgroundSender
-from hilrig.rig.command_receiver import CommandReceiver, BlockingCommandReceiver
+from hilrig.rig.command_receiver import BlockingCommandReceiver, CommandReceiver
 
 STOPPED = """
 import sys, time
