@@ -1,1 +1,1 @@
-"""Drivers that come with hilrig: code that speaks to one plant and knows nothing of the bus."""
+"""Drivers that come with hilrig: code that talks to one plant and knows nothing about the bus."""

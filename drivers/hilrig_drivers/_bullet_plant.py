@@ -1,4 +1,4 @@
-"""The PyBullet arm in one trial: what is measured, and what one period does."""
+"""The PyBullet arm during one trial: its measurements, and the steps of one period."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class BulletPlant:
 
     def __init__(self, arm: PlanarArm, engine_contact: bool, substep: float, begin: TrialStart) -> None:
         self._constants, self._dynamics = arm.constants(), arm.robot.dynamic_parameters()
-        # Direct drive without friction is common, and the time of a call into a kernel counts.
+        # Direct drive without friction is common, and skipping the call into a kernel saves time.
         self._direct = arm.servo_gain is None and not any((*arm.coulomb, *arm.viscous))
         self._steps = max(1, int(np.ceil(begin.period / substep - 1e-9)))
         self._world = World(arm.robot, begin.period / self._steps)
@@ -50,7 +50,7 @@ class BulletPlant:
         self._torque: Array | None = None
 
     def measure(self, disturbance: PlantDisturbance) -> Measurement:
-        """Return joint positions and the wrench the robot exerts."""
+        """Return joint positions and the wrench that the robot exerts."""
         force = self._force(disturbance)
         if self._torque is None:
             self._torque = self._sight.gravity + self._sight.jacobian.T @ force
@@ -68,9 +68,9 @@ class BulletPlant:
             self._sight, self._torque = self._look(), motor
 
     def _drive(self, command: Command, friction_scale: float) -> tuple[Array, Array]:
-        """Return the motors' torque and what is left of it behind the joints' friction."""
+        """Return the motors' torque, and what is left of it after joint friction."""
         if self._direct:
-            # A copy: it is measured later, and the caller may write its next command into the same array.
+            # A copy, because it is reported later and the caller may write its next command into the same array.
             return command.torque.copy(), command.torque
         return motor_torques(self._constants, self._sight, friction_scale, command.torque, command.position)
 
@@ -116,9 +116,9 @@ def moved(surface: SurfaceState, after: float) -> SurfaceState:
 
 @kernel
 def look(geometry: Geometry, dynamics: Array, q: Array, rate: Array) -> ArmState:
-    """Return what follows from the joints' state (2,) rad, (2,) rad/s."""
+    """Return the arm's state that follows from the joints' positions (2,) rad and velocities (2,) rad/s."""
     at = kinematics(geometry, q, rate)
-    # The nominal parameters have no friction: what is left of the regressor's constant part is gravity.
+    # The nominal parameters have no friction, so the regressor's constant part is gravity alone.
     return ArmState(q, rate, at.position, at.velocity, np.dot(at.regressor[0], dynamics), at.jacobian)
 
 
@@ -126,7 +126,7 @@ def look(geometry: Geometry, dynamics: Array, q: Array, rate: Array) -> ArmState
 def motor_torques(
     c: Constants, observation: ArmState, friction_scale: float, torque: Array, reference: Array
 ) -> tuple[Array, Array]:
-    """Return the motors' torque (2,) N m, and what is left of it behind the joints' friction."""
+    """Return the motors' torque (2,) N m, and what is left of it after joint friction."""
     q, rate, gravity = observation.joint_position, observation.joint_velocity, observation.gravity
     motor, net = np.empty(2), np.empty(2)
     for i in range(2):

@@ -1,7 +1,7 @@
 """A PyBullet world with one planar arm and one surface. The only file that imports pybullet.
 
-Task frame and world frame coincide: x and z span the arm's plane, y is normal to it, and q grows from x towards z,
-which is a turn about -y.
+Task frame and world frame coincide: x and z span the arm's plane, y is normal to it, and q increases from x towards z,
+which is a rotation about -y.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from hilrig_drivers._planar import tip_force
 
 @contextmanager
 def silent_output() -> Iterator[None]:
-    """Swallow what native code prints: PyBullet greets on import and at every connection."""
+    """Suppress the output of native code: PyBullet prints a message on import and at every connection."""
     sys.stdout.flush()
     sys.stderr.flush()
     kept, nowhere = (os.dup(1), os.dup(2)), os.open(os.devnull, os.O_WRONLY)
@@ -48,7 +48,7 @@ NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
 
 
 class Engine:
-    """One connection to Bullet: its functions, bound to this connection when they are first used."""
+    """One connection to Bullet: its functions, bound to this connection on first use."""
 
     def __init__(self) -> None:
         with silent_output():
@@ -61,7 +61,7 @@ class Engine:
 
 
 class World:
-    """The engine, the arm in it, and what one asks of them."""
+    """The engine with the arm in it."""
 
     def __init__(self, robot: Planar2r, step_size: float) -> None:
         self.step_size = step_size
@@ -76,13 +76,13 @@ class World:
                 self.arm, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, maxJointVelocity=1e3
             )
         self._joints = list(range(ARM_JOINTS))
-        # Bullet's joints brake by default; torque control begins when their velocity motors are off.
+        # Bullet's joints brake by default; torque control needs their velocity motors off.
         self.engine.setJointMotorControlArray(
             self.arm, self._joints, pybullet.VELOCITY_CONTROL, forces=[0.0] * ARM_JOINTS
         )
 
     def _load(self, robot: Planar2r) -> int:
-        # Bullet takes nothing but a path. A file in memory has one whatever the user's temporary folder is like.
+        # Bullet only accepts a path. A file in memory has one, whatever the user's temporary folder is like.
         with os.fdopen(os.memfd_create("arm.urdf"), "w") as file:
             file.write(urdf(robot))
             file.flush()
@@ -115,7 +115,7 @@ class World:
         self.engine.stepSimulation()
 
     def add_wall(self, surface: Surface, solid: bool = False) -> int:
-        """Put a box where the surface is; the tip's sphere touches it when the tip is at the surface."""
+        """Add a box at the surface and return its id; the tip's sphere touches it when the tip is at the surface."""
         half = (0.5, 0.06, WALL_HALF_DEPTH)
         shape = self.engine.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half) if solid else -1
         look = self.engine.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=(0.75, 0.8, 0.85, 1))
@@ -159,10 +159,10 @@ class ExplicitContact:
 
 
 class EngineContact:
-    """The surface as a body that Bullet's solver keeps the tip out of; its force is what the last step needed.
+    """The surface as a body that Bullet's solver keeps the tip out of; its force is that of the last step.
 
-    It is zero before the first step. Bullet leaves 10 um of slop, and its friction acts on the skin of the sphere,
-    TIP_RADIUS beyond the tip: it turns the arm a little where that of the explicit model does not.
+    It is zero before the first step. Bullet leaves 10 um of slop, and its friction acts on the surface of the sphere,
+    TIP_RADIUS beyond the tip, so it turns the arm a little where friction in the explicit model does not.
     """
 
     def __init__(self, world: World, surface: Surface) -> None:

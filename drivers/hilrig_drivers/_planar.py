@@ -1,4 +1,4 @@
-"""What the simulated planar arms share: their parameters, their surface, disturbed, and the forces on their joints."""
+"""Shared by the simulated planar arms: parameters, the disturbed surface, and the forces on the joints."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from hilrig import (
 from hilrig.kinds.robots.planar_2r import FRICTION_RATE, Geometry, Planar2r
 
 PLANT_INPUTS = tuple(name for name in DisturbanceSchedule._fields if name.startswith("plant_"))
-"""Every plant disturbance there is."""
+"""All plant disturbances."""
 
 
 Pair = tuple[float, float]
@@ -31,7 +31,7 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True)
 class PlanarArm:
-    """A simulated planar arm before a surface whose normal is the last task axis.
+    """A simulated planar arm facing a surface whose normal is the last task axis.
 
     Friction of the joints: F(q') = f tanh(q'/5e-3) + b q', with `coulomb` f and `viscous` b per joint.
     """
@@ -49,11 +49,11 @@ class PlanarArm:
 
     @property
     def surface_position(self) -> float:
-        """Nominal place of the surface along z, m."""
+        """Nominal position of the surface along z, m."""
         return self.surface.position
 
     def constants(self) -> Constants:
-        """Return the numbers that the kernels take."""
+        """Return the parameters for the kernels."""
         return Constants(
             self.robot.geometry(), tuple(self.robot.dynamic_parameters().tolist()), self.actuation.constants(),
             self.coulomb, self.viscous, self.surface.constants(),
@@ -61,7 +61,7 @@ class PlanarArm:
 
 
 class Constants(NamedTuple):
-    """What the forces on an arm depend on. Numbers only: numba counts references to arrays, at every call."""
+    """What the forces on an arm depend on. Numbers only, because numba counts references to arrays at every call."""
 
     geometry: Geometry
     dynamics: tuple[float, ...]
@@ -75,7 +75,7 @@ class Constants(NamedTuple):
 
 @jitable
 def surface_now(surface: SurfaceState, disturbance: PlantDisturbance) -> SurfaceState:
-    """Return the undisturbed `surface` with its disturbances."""
+    """Return the undisturbed `surface` with its disturbances applied."""
     return SurfaceState(
         surface.position + disturbance.surface_offset,
         disturbance.surface_velocity,

@@ -16,18 +16,18 @@ class PybulletArm(PlanarArm):
     """The arm as a URDF made from the robot's parameters, stepped by Bullet's articulated-body algorithm.
 
     contact = explicit: the spring-damper of `surface` applied at the tip as an external force (exact stiffness);
-    contact = engine:   a box that Bullet's own solver keeps the tip out of, with the surface's stiffness and damping as
-                        contact parameters (a spring-damper only approximately: the solver is implicit).
+    contact = engine:   a box that Bullet's solver keeps the tip out of, with the surface's stiffness and damping as
+                        contact parameters (only approximately a spring-damper: the solver is implicit).
     Friction of the joints: f tanh(q'/5e-3) + b q'.
     """
 
     capabilities: ClassVar[Capabilities] = Capabilities(("lockstep", "realtime"), PLANT_INPUTS, simulated=True)
 
     contact: Literal["explicit", "engine"] = "explicit"
-    substep: Annotated[float, Parameter("s", "engine step, at most", 1e-5, 1e-2, "log")] = 5e-4
+    substep: Annotated[float, Parameter("s", "largest engine step", 1e-5, 1e-2, "log")] = 5e-4
 
     def __post_init__(self) -> None:
-        """Raise ValueError for what a URDF cannot say."""
+        """Raise ValueError for what a URDF or the engine cannot represent."""
         if self.robot.dynamic_lengths not in (None, self.robot.lengths):
             raise ValueError("dynamic_lengths: a URDF has one set of lengths; use the driver two_link for two")
         if self.contact == "engine" and self.surface.pulls:
@@ -42,12 +42,12 @@ class PybulletArm(PlanarArm):
             remedy = "use Python 3.11, for example 'uv run --python 3.11 hilrig ...'"
         else:
             why, remedy = "PyBullet, which is not installed", "type: pip install 'hilrig[pybullet]'"
-        return f"pybullet_arm needs {why}; {remedy}, or take another driver: --set driver.kind=two_link"
+        return f"pybullet_arm needs {why}; {remedy}, or use another driver: --set driver.kind=two_link"
 
     def begin(self, begin: TrialStart) -> Plant:
         """Return the arm at rest, held there by its motors. Raises HilrigError without PyBullet."""
         self._require_pybullet()
-        # Imported here: the controller's process needs the robot of this driver, and no physics engine.
+        # Imported here because the controller's process needs this driver's robot but no physics engine.
         from hilrig_drivers._bullet_plant import BulletPlant
 
         return BulletPlant(self, self.contact == "engine", self.substep, begin)

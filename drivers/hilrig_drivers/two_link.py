@@ -31,13 +31,13 @@ from hilrig_drivers._planar import PLANT_INPUTS, Constants, PlanarArm, friction,
 class TwoLink(PlanarArm):
     """M(q) q'' + C(q, q') q' + G(q) + F(q') + J^T F_e = tau  by RK4 at a fixed substep; torque held over a period.
 
-    F_e is the contact of `surface` (normal along the last task axis) plus any external tip force;
+    F_e is the contact force of `surface` (normal along the last task axis) plus any external tip force;
     F(q') = f tanh(q'/5e-3) + b q', with `coulomb` f and `viscous` b per joint.
     """
 
     capabilities: ClassVar[Capabilities] = Capabilities(("lockstep", "realtime"), PLANT_INPUTS, simulated=True)
 
-    substep: Annotated[float, Parameter("s", "integration step, at most", 1e-6, 1e-2, "log")] = 2.5e-4
+    substep: Annotated[float, Parameter("s", "largest integration step", 1e-6, 1e-2, "log")] = 2.5e-4
 
     def begin(self, begin: TrialStart) -> TwoLinkPlant:
         """Return the arm at rest, held there by its motors."""
@@ -45,13 +45,13 @@ class TwoLink(PlanarArm):
 
 
 class Model(NamedTuple):
-    """What does not change during a trial."""
+    """Constants of a trial."""
 
     arm: Constants
     substep: float
     """s"""
     steps: int
-    """Substeps in a period"""
+    """Substeps per period"""
 
 
 class TwoLinkPlant:
@@ -64,11 +64,11 @@ class TwoLinkPlant:
         self._begun = False
 
     def kernels(self) -> PlantKernels:
-        """Return the arm as kernels, from the state it is in."""
+        """Return the arm as kernels, starting from its current state."""
         return PlantKernels(observe, advance, self._model, self._state)
 
     def measure(self, disturbance: PlantDisturbance) -> Measurement:
-        """Return joint positions and the wrench the robot exerts."""
+        """Return joint positions and the wrench that the robot exerts."""
         if not self._begun:
             self._begun = True
             self._state[4:] = holding_torque(self._model, self._state, disturbance)
@@ -95,7 +95,7 @@ class TwoLinkPlant:
         return observation, observe(self._model, self._state, disturbance, observation)
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Do nothing; there is nothing to release."""
 
 
 Pair = tuple[float, float]
@@ -104,18 +104,18 @@ Four = tuple[float, float, float, float]
 
 
 class Pose(NamedTuple):
-    """The arm's geometry at (q1, q2): everything that needs a sine, made once."""
+    """The arm's geometry at (q1, q2): everything that needs a sine, computed once."""
 
     x1: float
-    """Of link 1, cos q1; and so on"""
+    """Link 1: cos q1 here, sin q1 in z1"""
     z1: float
     x2: float
-    """Of link 2, cos(q1 + q2)"""
+    """Link 2: cos(q1 + q2) here, sin(q1 + q2) in z2"""
     z2: float
 
 
 class Held(NamedTuple):
-    """What is held during a period."""
+    """What is held constant during a period."""
 
     torque: Pair
     """Commanded, N m"""
@@ -147,7 +147,7 @@ def jacobian(c: Constants, at: Pose) -> tuple[Pair, Pair, Pair]:
 def exerted(surface: SurfaceState, push: Pair, after: float, place: Pair, speed: Pair) -> Pair:
     """Return F_e (x, z), contact plus external force `push`, N, for the tip at `place` m with `speed` m/s.
 
-    `after` (s) into the period the surface has moved on at its constant rate.
+    `after` is the time into the period, s, during which the surface has moved at its constant rate.
     """
     normal, tangential = contact_force(surface, place[1] - after * surface.velocity, speed[1], speed[0])
     return tangential + push[0], normal + push[1]
@@ -155,7 +155,7 @@ def exerted(surface: SurfaceState, push: Pair, after: float, place: Pair, speed:
 
 @kernel
 def touched(c: Constants, disturbance: PlantDisturbance) -> tuple[SurfaceState, Pair]:
-    """Return the surface as disturbed, and the external force on the tip, N."""
+    """Return the disturbed surface, and the external force on the tip, N."""
     return surface_now(c.surface, disturbance), (disturbance.tip_force[0], disturbance.tip_force[1])
 
 
@@ -220,7 +220,7 @@ def along(s: Four, step: float, rate: Four) -> Four:
 
 @kernel
 def advance(model: Model, state: Array, disturbance: PlantDisturbance, torque: Array, reference: Array) -> None:
-    """Move `state` (6,) on by one period, in place, by classical Runge-Kutta steps under a held command."""
+    """Advance `state` (6,) by one period, in place, by classical Runge-Kutta steps under a held command."""
     h = model.substep
     surface, push = touched(model.arm, disturbance)
     held = Held((torque[0], torque[1]), (reference[0], reference[1]), surface, push, disturbance.joint_friction_scale)
@@ -237,7 +237,7 @@ def advance(model: Model, state: Array, disturbance: PlantDisturbance, torque: A
 
 @kernel
 def observe(model: Model, state: Array, disturbance: PlantDisturbance, observation: Observation) -> float:
-    """Fill `observation` with the true state, the wrench the robot exerts and the motors' last torque."""
+    """Fill `observation` with the true state, the wrench that the robot exerts and the motors' last torque."""
     c = model.arm
     place, row_x, row_z = jacobian(c, pose(state[0], state[1]))
     speed = (row_x[0] * state[2] + row_x[1] * state[3], row_z[0] * state[2] + row_z[1] * state[3])

@@ -3,8 +3,8 @@
 HilrigError
 ├── ExperimentError   the experiment file, or the call, is wrong; carries the place in the file   (exit 2)
 ├── RunDirectoryError a run directory is missing, incomplete or not one                           (exit 2)
-├── PluginError       a plug-in cannot be found or does not keep its interface                    (exit 2)
-├── OutOfReach        a position that the robot cannot take
+├── PluginError       a plug-in cannot be found or does not provide its interface                 (exit 2)
+├── OutOfReach        a position that the robot cannot reach
 ├── Tripped           a safety limit was exceeded                        (the trial's outcome)
 ├── Stopped           a trial was told to end before its last tick       (the trial's outcome)
 └── RigError          a process of the rig failed, vanished or did not answer in time             (exit 1)
@@ -21,15 +21,15 @@ from typing import NamedTuple
 
 
 class HilrigError(Exception):
-    """Base of all errors whose message is meant for the user, without a traceback."""
+    """Base class of all errors whose message is shown to the user without a traceback."""
 
 
 class PluginError(HilrigError):
-    """A kind that cannot be loaded, or that does not keep the interface of its group."""
+    """A kind cannot be loaded, or does not provide the interface of its group."""
 
 
 class RunDirectoryError(HilrigError):
-    """A directory that is not a run, or a run that lacks what was asked of it."""
+    """A directory is not a run, or the run lacks what was requested."""
 
 
 class RigError(HilrigError):
@@ -79,11 +79,11 @@ class ExperimentError(HilrigError):
 
 
 LONGEST = 500
-"""Characters of what an exception says; some libraries write pages"""
+"""Maximum characters shown of an exception's message; some libraries write pages"""
 
 
 def raised(error: BaseException) -> str:
-    """Return in one line what was raised: the type of the exception, and what it says."""
+    """Return the exception's type and message in one line."""
     if isinstance(error, SystemExit):
         return f"sys.exit({error.code!r}) was called"
     text = one_line(error)
@@ -91,18 +91,18 @@ def raised(error: BaseException) -> str:
 
 
 def one_line(error: BaseException) -> str:
-    """Return what an exception says in one line, as far as a message has room for it."""
+    """Return an exception's message in one line, shortened to `LONGEST` characters."""
     try:
         text = " ".join(str(error).split())
-    except Exception:  # the exception is an author's, and so is its __str__
+    except Exception:  # the exception and its __str__ are plug-in code
         return ""
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
 def authors_line(error: BaseException, package: str = "") -> tuple[str, int] | None:
-    """Return file and line of the innermost code of a plug-in's author that an exception came through; None if none.
+    """Return file and line of the innermost frame of plug-in code that an exception passed through; None if none.
 
-    That is code outside hilrig, Python and installed libraries; `package` is an installed one that counts as well.
+    Plug-in code is outside hilrig, Python and installed libraries; `package` is an installed one that also counts.
     """
     ours, python = str(Path(__file__).parents[1]) + os.sep, str(Path(os.__file__).parent) + os.sep
     found = None
@@ -116,7 +116,7 @@ def authors_line(error: BaseException, package: str = "") -> tuple[str, int] | N
 
 
 def describe_error(error: BaseException) -> str:
-    """Return one line: what was raised and, if it was not meant for the user, where; in the author's code if it can."""
+    """Return what was raised in one line and, if not meant for the user, where: in the author's code if known."""
     if isinstance(error, HilrigError):
         return str(error)
     frames = traceback.extract_tb(error.__traceback__)
@@ -125,6 +125,6 @@ def describe_error(error: BaseException) -> str:
 
 
 def nearest(name: str, choices: Iterable[str]) -> str:
-    """Return "; did you mean 'x'?" for the choice most like `name`, or an empty string."""
+    """Return "; did you mean 'x'?" for the choice most similar to `name`, or an empty string."""
     match = difflib.get_close_matches(str(name), [str(choice) for choice in choices], n=1, cutoff=0.6)
     return f"; did you mean '{match[0]}'?" if match else ""

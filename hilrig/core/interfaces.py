@@ -1,4 +1,4 @@
-"""What each kind of plug-in must offer. A kind is a file with one public frozen dataclass; fields are parameters."""
+"""The interface of each group of plug-ins. A kind is a file with one public frozen dataclass; fields are parameters."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from hilrig.core.signals import (
 )
 
 VELOCITY_CLIP = 0.1
-"""m/s: how far v_d may run from x' (anti-windup)"""
+"""m/s: how far v_d may deviate from x' (anti-windup)"""
 POSITION_CLIP = 0.02
-"""m: how far p_d may run from x (anti-windup). At an obstacle one clip without the other fails."""
+"""m: how far p_d may deviate from x (anti-windup). At an obstacle, one clip without the other fails."""
 
 
 class Impedance(NamedTuple):
-    """The desired dynamics, eq. (3), one entry per task axis, and how its filter is kept from winding up."""
+    """The desired dynamics, eq. (3), one entry per task axis, and the anti-windup limits of its filter."""
 
     sigma: Array
     """Diagonal of Sigma, (m,): 1 position-controlled, 0 force-controlled"""
@@ -39,13 +39,13 @@ class Impedance(NamedTuple):
     reference_states: bool
     """Whether the filter runs on its own states p_d, v_d (True) or on the measured x, x' (False)"""
     velocity_clip: float = VELOCITY_CLIP
-    """How far v_d may run from x', m/s; inf for any distance"""
+    """How far v_d may deviate from x', m/s; inf for no limit"""
     position_clip: float = POSITION_CLIP
-    """How far p_d may run from x, m; inf for any distance"""
+    """How far p_d may deviate from x, m; inf for no limit"""
 
 
 class Task(NamedTuple):
-    """What a control law is told before a trial."""
+    """What a control law receives before a trial."""
 
     period: float
     """l, s"""
@@ -61,7 +61,7 @@ class Task(NamedTuple):
 class Law(NamedTuple):
     """A control law ready to run: torque = step(parameters, memory, state, reference).
 
-    `step` writes what it must remember into the arrays of `memory` and returns the joint torque (n,) before limits.
+    `step` writes its state into the arrays of `memory` and returns the joint torque (n,) before limits.
     Every field of `memory` is published and recorded under its name.
     """
 
@@ -71,7 +71,7 @@ class Law(NamedTuple):
 
 
 class Controller(Protocol):
-    """Group `controllers`. One that knows bounds of its law may also offer `hilrig.core.assessment.Assessing`."""
+    """Group `controllers`. One whose law has known bounds may also offer `hilrig.core.assessment.Assessing`."""
 
     def start(self, task: Task, state: State) -> Law:
         """Return the law for a trial that begins in `state`. Raises ValueError if a parameter does not fit the task."""
@@ -86,7 +86,7 @@ class Span(NamedTuple):
     end: float
     """s, trial time"""
     previous: float | None
-    """Last value of the phase before; None in the first phase"""
+    """Last value of the previous phase; None in the first phase"""
 
 
 class Samples(NamedTuple):
@@ -101,9 +101,9 @@ class ReferenceSignal(Protocol):
     """Group `references`: one scalar desired quantity (a position in m or a force in N).
 
     A kind that takes its data from a file names the field with the path in a class variable `reads`, and offers
-    `filled(text)`, which returns the kind with the data of the file's text; it raises ValueError if they are unusable.
+    `filled(text)`, which returns the kind with the data from the file's text, or raises ValueError if it is unusable.
 
-    A kind may offer `warnings(span)`, which returns a list of sentences: what in this phase is probably not meant.
+    A kind may offer `warnings(span)`, which returns a list of sentences about what is probably unintended in the phase.
     `hilrig check` prints them.
     """
 
@@ -121,19 +121,22 @@ class Disturbance(Protocol):
     def apply(
         self, schedule: DisturbanceSchedule, time: Array, axes: tuple[str, ...], random: np.random.Generator
     ) -> None:
-        """Add itself to `schedule` in place, for trial times `time` (N,) s. Raises ValueError if it lacks its axis."""
+        """Add the disturbance to `schedule` in place, for trial times `time` (N,) s.
+
+        Raises ValueError if its axis does not exist.
+        """
         ...
 
 
 def is_fault(disturbance: Disturbance) -> bool:
-    """Return whether it is a fault of the real-time loop, and not of the plant or of what is measured."""
+    """Return whether it is a fault of the real-time loop, not of the plant or the measurements."""
     return any(field.startswith("faults.") for field in disturbance.acts_on)
 
 
 class Robot(Protocol):
     """Group `robots`: geometry and nominal dynamics, shared by controller and driver.
 
-    One that also offers `kernels() -> RobotKernels` can be part of a compiled trial.
+    A robot that also offers `kernels() -> RobotKernels` can be part of a compiled trial.
     """
 
     axes: ClassVar[tuple[str, ...]]
@@ -170,15 +173,15 @@ class Capabilities(NamedTuple):
     """What a driver can do."""
 
     clocks: tuple[str, ...]
-    """Of "lockstep" and "realtime" """
+    """Supported clocks, from "lockstep" and "realtime" """
     disturbances: tuple[str, ...]
-    """The plant fields of `DisturbanceSchedule` it can apply"""
+    """The plant fields of `DisturbanceSchedule` that it can apply"""
     simulated: bool
     """Whether the plant waits for the command; a robot does not"""
 
 
 class TrialStart(NamedTuple):
-    """What a driver is told before a trial."""
+    """What a driver receives before a trial."""
 
     period: float
     """s"""
@@ -187,13 +190,13 @@ class TrialStart(NamedTuple):
 
 
 class Plant(Protocol):
-    """A driver at work in one trial. `measure` is called before anything else.
+    """A driver's plant during one trial. `measure` is called first.
 
-    One that also offers `kernels() -> PlantKernels` can be part of a compiled trial.
+    A plant that also offers `kernels() -> PlantKernels` can be part of a compiled trial.
     """
 
     def measure(self, disturbance: PlantDisturbance) -> Measurement:
-        """Return what the sensors say now."""
+        """Return the current sensor readings."""
         ...
 
     def advance(self, command: Command, disturbance: PlantDisturbance) -> None:
@@ -205,7 +208,7 @@ class Plant(Protocol):
         ...
 
     def truth(self, disturbance: PlantDisturbance) -> Truth | None:
-        """Return the true state now, or None where nobody knows it."""
+        """Return the current true state, or None if it is unknown."""
         ...
 
     def close(self) -> None:
@@ -214,13 +217,14 @@ class Plant(Protocol):
 
 
 class Driver(Protocol):
-    """Group `drivers`: code that speaks to one plant. It knows nothing of the bus.
+    """Group `drivers`: code that talks to one plant. It knows nothing about the bus.
 
-    A driver may also offer `render(joint_positions, width, height)`: a picture (height, width, 3) uint8 for each row of
-    `joint_positions` (F, n) rad, for the report's animation.
+    A driver may also offer `render(joint_positions, width, height)`, which returns a picture (height, width, 3) uint8
+    for each row of `joint_positions` (F, n) rad, for the report's animation.
 
-    One that needs software that may not be installed offers `missing() -> str`: what is missing on this machine, and
-    what to do, in one line; empty if nothing is. It can be constructed all the same: reports read plans anywhere.
+    A driver that needs software that may not be installed offers `missing() -> str`: what is missing on this machine,
+    and what to do, in one line; empty if nothing is missing. The driver must still be constructible, because reports
+    read plans on any machine.
     """
 
     capabilities: ClassVar[Capabilities]
@@ -233,21 +237,21 @@ class Driver(Protocol):
 
     @property
     def surface_position(self) -> float:
-        """Nominal place of the surface along the last task axis, m."""
+        """Nominal position of the surface along the last task axis, m."""
         ...
 
     def begin(self, begin: TrialStart) -> Plant:
-        """Take hold of the plant, at rest at the given joint position."""
+        """Return the plant, ready for a trial, at rest at the given joint position."""
         ...
 
 
 class Metric(Protocol):
-    """Group `metrics`: one figure of merit of one phase of one trial; lower is better."""
+    """Group `metrics`: one figure of merit for one phase of one trial; lower is better."""
 
     unit: ClassVar[str]
 
     def measure(self, record: Any) -> dict[str, float]:
-        """Return the value for each axis name, or under "" where there is no axis.
+        """Return the value for each axis name, or under "" if the metric has no axes.
 
         `record` is the `hilrig.kinds.metrics._record.PhaseRecord` of the phase.
         """

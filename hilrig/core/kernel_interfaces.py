@@ -1,4 +1,4 @@
-"""What robots and simulated plants may offer besides their plain interfaces, so that a whole trial can be compiled."""
+"""Kernels that robots and simulated plants may offer in addition, so that a whole trial can be compiled."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ class RobotKernels(NamedTuple):
     """A robot as a kernel."""
 
     kinematics: Callable[[Any, Array, Array, Kinematics], None]
-    """Writes `Robot.kinematics` at (q, q') into the arrays it is given; `constants` is its first argument"""
+    """Writes `Robot.kinematics` at (q, q') into the given arrays; `constants` is its first argument"""
     constants: Any
 
 
 class Observation(NamedTuple):
-    """Room for what a plant says of itself at a tick; a kernel fills all its arrays."""
+    """Arrays for what a plant reports at a tick; a kernel fills all of them."""
 
     measurement: Measurement
-    """Before the sensors' errors, which the rig adds"""
+    """Without sensor errors, which the rig adds"""
     truth: Truth
-    """All but the place of the surface: a number in a tuple cannot be written in place"""
+    """All but the position of the surface: a number in a tuple cannot be written in place"""
 
     @classmethod
     def empty(cls, joints: int, axes: int) -> Observation:
-        """Return room for n = `joints` and m = `axes`; every array holds nan."""
+        """Return arrays for n = `joints` and m = `axes`, filled with nan."""
         n, m, wrench = np.full(joints, np.nan), np.full(axes, np.nan), np.full(6, np.nan)
         return cls(
             Measurement(n.copy(), wrench, n.copy()), Truth(n.copy(), n.copy(), m.copy(), m.copy(), wrench.copy(), 0.0)
@@ -39,9 +39,9 @@ class PlantKernels(NamedTuple):
     """A simulated plant as kernels; `constants` and `state` are their first arguments."""
 
     observe: Callable[[Any, Array, PlantDisturbance, Observation], float]
-    """Fills a `Observation` and returns the place of the surface, m"""
+    """Fills an `Observation` and returns the position of the surface, m"""
     advance: Callable[[Any, Array, PlantDisturbance, Array, Array], None]
-    """Moves `state` on by one period; the last two arguments are torque and joint position of the command"""
+    """Advances `state` by one period; the last two arguments are the command's torque and joint position"""
     constants: Any
     state: Array
-    """All that changes during a trial"""
+    """Everything that changes during a trial"""

@@ -1,4 +1,4 @@
-"""What a law may remember: every field of its memory is an array that is recorded under its name."""
+"""Rules for a law's memory: every field is an array that is recorded under its name."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ RECORDED = (
     "tick", "time", "position", "velocity", "force",
     "reference_position", "reference_velocity", "reference_acceleration", "reference_force",
 )  # fmt: skip
-"""The names of what is recorded of every law, before the fields of its own memory"""
+"""The names of what is recorded for every law, before the fields of its own memory"""
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
-"""What ROS 2 allows as the name of a message's field, https://design.ros2.org/articles/legacy_interface_definition.html"""
+"""Names that ROS 2 allows for message fields, https://design.ros2.org/articles/legacy_interface_definition.html"""
 
 
 def memory_sizes(memory: Any, controller: str) -> dict[str, int]:
@@ -38,18 +38,16 @@ def memory_problems(memory: Any) -> dict[str, str]:
 
 
 def name_problem(name: str) -> str:
-    """Return why a field of a law's memory cannot have this name, and what is allowed; "" if it can."""
+    """Return why this name is not allowed for a field of a law's memory, and what is; "" if it is allowed."""
     if name in RECORDED:
-        return (
-            f"the memory field '{name}' has a name that the record needs for itself (those are {', '.join(RECORDED)})"
-        )
+        return f"the memory field '{name}' has a name that is reserved for the record (reserved: {', '.join(RECORDED)})"
     if _NAME.fullmatch(name):
         return ""
     lower = re.sub(r"_+", "_", re.sub(r"[^a-z0-9_]", "", name.lower())).strip("_0123456789")
     example = f", such as '{lower}'" if _NAME.fullmatch(lower) and lower not in RECORDED else ""
     return (
-        f"the memory field '{name}' has a name that ROS 2 refuses; it allows lower-case letters, digits and single "
-        f"underscores between them, a letter first{example}"
+        f"the memory field '{name}' has a name that ROS 2 does not allow; use lower-case letters, digits and single "
+        f"underscores between them, starting with a letter{example}"
     )
 
 
@@ -60,5 +58,5 @@ def _array_problem(name: str, value: Any) -> str:
     found = f"an array of {value.dtype} with {value.size} entries" if array else f"a {type(value).__name__}"
     return (
         f"the memory field '{name}' is {found}; "
-        "every field is an array of float64, with one entry or more, that step writes in place"
+        "every field must be an array of float64 with at least one entry, which step writes in place"
     )

@@ -1,4 +1,4 @@
-"""What an import of a module that has moved is told: where it is now."""
+"""Error messages for imports of modules that have moved: they say where the module is now."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import NoReturn
 
 PUBLIC = ("interfaces", "signals", "kernel", "kernel_interfaces", "impedance", "contact", "actuation", "errors")
-"""Modules of hilrig 0.1 whose names `import hilrig` offers now"""
+"""Modules of hilrig 0.1 whose names are now available from `import hilrig`"""
 ROOMS = {
     "controllers": "kinds.controllers",
     "references": "kinds.references",
@@ -28,7 +28,7 @@ ROOMS = {
 
 
 class _MovedModules:
-    """A finder that finds nothing; it comes last, and raises ModuleNotFoundError with the new place of a module."""
+    """A finder that comes last and finds nothing: it raises ModuleNotFoundError with the new location of a module."""
 
     @staticmethod
     def find_spec(name: str, path: Sequence[str] | None = None, target: ModuleType | None = None) -> ModuleSpec | None:
@@ -46,6 +46,6 @@ def _raise(name: str, advice: str) -> NoReturn:
 
 
 def announce() -> None:
-    """Let imports of modules that have moved say so, once for a process."""
+    """Install the finder that reports moved modules, once per process."""
     if _MovedModules not in sys.meta_path:
         sys.meta_path.append(_MovedModules)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-if TYPE_CHECKING:  # the signals load numba; what only reads settings does without
+if TYPE_CHECKING:  # signals import numba, which code that only reads settings does not need
     from hilrig.core.signals import Array
 
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:  # the signals load numba; what only reads settings does witho
 class Parameter:
     """Metadata of a parameter, put on a dataclass field as Annotated[float, Parameter(...)].
 
-    `unit` is the SI unit ("" for a pure number), `low` and `high` the allowed range (inclusive), `meaning` one line for
-    people. `scale` is how a search should treat it: "log" by factors; where `low` is 0, zero switches the term off.
+    `unit` is the SI unit ("" for a pure number), `low` and `high` the allowed range (inclusive), `meaning` a one-line
+    description. `scale` is how a search should vary it: "log" by factors; where `low` is 0, zero switches the term off.
     """
 
     unit: str
@@ -31,18 +31,18 @@ PerAxis = float | tuple[float, ...]
 
 
 def per_axis(value: PerAxis | Array, size: int, name: str) -> Array:
-    """Return the parameter `name` as an array (size,); a single number counts for all of them.
+    """Return the parameter `name` as an array (size,); a single number applies to all entries.
 
-    Raises ValueError, naming it, if a list has another length.
+    Raises ValueError, naming the parameter, if a list has another length.
     """
     array = np.atleast_1d(np.asarray(value, dtype=np.float64))
     if array.size not in (1, size):
-        raise ValueError(f"{name}: {array.size} values where there must be 1 or {size}")
+        raise ValueError(f"{name}: {array.size} values given; this needs 1 or {size}")
     return np.ascontiguousarray(np.broadcast_to(array, (size,)))
 
 
 def plain(value: Any) -> Any:
-    """Return a parameter's value in Python's own types: a NumPy scalar as a number, an array as a tuple of them."""
+    """Return a parameter's value in built-in types: a NumPy scalar as a number, an array as a tuple of numbers."""
     if isinstance(value, np.floating):
         return float(value)
     if isinstance(value, (np.generic, np.ndarray)):

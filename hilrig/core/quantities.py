@@ -1,6 +1,6 @@
 """Quantities as people write them: a bare SI number, or a number with its unit such as "180 N/m".
 
-Angle is a dimension here, and Hz means turns per second: "1 Hz" is 2 pi rad/s, and a torque is no joint
+Angle is a dimension here, and Hz means turns per second: "1 Hz" is 2 pi rad/s, and a torque is not a joint
 stiffness. Conversions are exact and rounded once: "100 us", "0.1 ms" and 1e-4 are the same number.
 """
 
@@ -43,7 +43,7 @@ watt = joule / second = W
 percent = 0.01 = %
 """
 _KNOWN = ("m", "kg", "g", "s", "min", "N", "Nm", "Ns", "Nms", "rad", "deg", "°", "turn", "Hz", "rpm", "W", "J", "%")
-"""What a message lists"""
+"""The units that messages list"""
 
 _NAMES = {
     "s": "a time", "m": "a length", "kg": "a mass", "rad": "an angle", "N": "a force", "m/s": "a speed",
@@ -52,7 +52,7 @@ _NAMES = {
     "N*m*s/rad": "a joint damping", "kg*m^2": "a moment of inertia", "W": "a power", "1/s": "a rate",
     "": "a pure number",
 }  # fmt: skip
-"""What people call a quantity of a unit's dimension."""
+"""Common name for a quantity with a unit's dimension."""
 
 _EXAMPLES = {
     "s": "1 ms", "m": "0.1 m", "kg": "3 kg", "rad": "90 deg", "N": "3.5 N", "m/s": "0.1 m/s",
@@ -60,27 +60,27 @@ _EXAMPLES = {
 }  # fmt: skip
 
 _AS_TYPED = str.maketrans({
-    "μ": "µ",  # the Greek letter, which Unicode prefers, and the sign that keyboards have
+    "μ": "µ",  # from the Greek letter, which Unicode prefers, to the sign on keyboards
     "−": "-",
     "·": "*", "⋅": "*", "∙": "*", "×": "*", "º": "°",
     "\u00a0": " ", "\u2009": " ", "\u202f": " ",
 })  # fmt: skip
-"""Characters that are printed for others"""
+"""Typographic characters, and what to read them as"""
 _NUMBER = re.compile(r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*")
 _UNIT = re.compile(r"(?:[A-Za-zµ°%1()*/. ]|(?:\^|\*\*) ?-?[1-9](?!\d)|⁻?[¹²³⁴⁵⁶⁷⁸⁹](?![⁰¹²³⁴⁵⁶⁷⁸⁹])){0,40}")
-"""Units may hold names, products, quotients and powers of one digit: nothing that is costly to work out."""
+"""Units may contain names, products, quotients and one-digit powers: nothing that is expensive to evaluate."""
 
 
 def quantity(value: Any, unit: str) -> float:
-    """Return `value` as a number in `unit`: a bare number is taken as such, a text is converted.
+    """Return `value` as a number in `unit`: a bare number is taken as is, a string is converted.
 
-    Raises ValueError, with a message for people, for anything that is no finite quantity of that dimension.
+    Raises ValueError, with a message for the user, for anything that is not a finite quantity of that dimension.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise ValueError(f"{shown(value)} is not a quantity; this needs {described(unit)}")
     try:
         number = _converted(value, unit) if isinstance(value, str) else float(value)
-    except OverflowError:  # a whole number or a fraction beyond every float
+    except OverflowError:  # an integer or fraction too large for a float
         number = math.inf
     if not math.isfinite(number):
         raise ValueError(f"{shown(value)} is not a finite number; this needs {described(unit)}")
@@ -88,13 +88,13 @@ def quantity(value: Any, unit: str) -> float:
 
 
 def described(unit: str) -> str:
-    """Return what a quantity in `unit` is called, with an example, such as "a time, e.g. '1 ms'"."""
+    """Return the name of a quantity in `unit`, with an example, such as "a time, e.g. '1 ms'"."""
     name = _NAMES.get(unit) or _name_of(_registry().parse_units(unit))
     return f"{name}, e.g. '{_EXAMPLES[unit]}'" if unit in _EXAMPLES else f"{name} in {unit}"
 
 
 def shown(value: Any) -> str:
-    """Return a value of the experiment file as a message shows it."""
+    """Return a value from the experiment file as shown in messages."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -109,7 +109,7 @@ def shown(value: Any) -> str:
 
 
 def shortened(text: str) -> str:
-    """Return a text as far as a message has room for it."""
+    """Return `text`, cut to 60 characters for use in a message."""
     return text if len(text) <= 60 else text[:57] + "..."
 
 
@@ -128,7 +128,7 @@ def _converted(text: str, unit: str) -> float:
     number = float(digits)
     if not math.isfinite(number) or number == 0:
         return number
-    # So many digits that they would take time to work out are first rounded.
+    # Round first if there are so many digits that exact arithmetic would be slow.
     exact = Fraction(digits) if len(digits) <= 200 else Fraction(number)
     return float(exact * Fraction(_registry().Quantity(Fraction(1), given).to(wanted).magnitude))
 
@@ -138,7 +138,7 @@ def _parsed(text: str, unit: str) -> pint.Unit:
         raise ValueError(f"{shown(text)}: '{unit}' is not a unit")
     try:
         return _registry().parse_units(("1" * unit.startswith("/") + unit).replace(".", "*"))
-    except Exception as error:  # pint raises many kinds, some of them from Python's own tokenizer
+    except Exception as error:  # pint raises many types, some of them from Python's own tokenizer
         unknown = next((name for name in re.findall(r"[A-Za-zµ°%]+", unit) if name not in _registry()), unit)
         alike = [name for name in _KNOWN if name.casefold() == unknown.casefold()]
         hint = f"; did you mean '{alike[0]}'?" if alike else nearest(unknown, _KNOWN)
@@ -148,7 +148,7 @@ def _parsed(text: str, unit: str) -> pint.Unit:
 
 
 def _name_of(unit: pint.Unit) -> str:
-    """Return what a quantity of the unit's dimension is called."""
+    """Return the name of a quantity with the unit's dimension."""
     for known, name in _NAMES.items():
         if _registry().parse_units(known).dimensionality == unit.dimensionality:
             return name
@@ -157,7 +157,7 @@ def _name_of(unit: pint.Unit) -> str:
 
 @cache
 def _registry() -> pint.UnitRegistry:
-    import pint  # takes as long to import as everything else here, and many calls need none of it
+    import pint  # takes as long to import as everything else here, and many calls do not need it
 
     registry: pint.UnitRegistry = pint.UnitRegistry(None, non_int_type=Fraction)  # pyright: ignore[reportArgumentType]
     for line in _DEFINITIONS.strip().splitlines():

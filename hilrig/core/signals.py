@@ -1,7 +1,7 @@
-"""The signals of the rig: what passes between plant, controller and record. SI units, arrays of float64.
+"""The rig's signals: what passes between plant, controller and record. SI units, arrays of float64.
 
 n is the number of joints, m the number of task axes, p the number of dynamic parameters, N the number of ticks.
-Forces are what the robot exerts on its surroundings: positive when it presses.
+Forces are those that the robot exerts on its surroundings: positive when it presses.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ WRENCH_AXES = ("x", "y", "z")
 
 
 class Measurement(NamedTuple):
-    """What the driver reports at a tick."""
+    """What the driver reports at each tick."""
 
     joint_position: Array
     """q, (n,) rad"""
     wrench: Array
-    """Force (N) then moment (N m) the robot exerts, task frame, (6,)"""
+    """Force (N) then moment (N m) that the robot exerts, task frame, (6,)"""
     applied_torque: Array
-    """Joint torque in effect up to this tick, (n,) N m; at tick 0 the torque that holds the arm"""
+    """Joint torque in effect until this tick, (n,) N m; at tick 0 the torque that holds the arm"""
 
 
 class Command(NamedTuple):
-    """What the controller asks of the driver for one tick."""
+    """What the controller commands for one tick."""
 
     torque: Array
     """Joint torque after limits, (n,) N m"""
@@ -42,7 +42,7 @@ class Command(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What a simulated plant knows of itself; a real one has no such channel."""
+    """A simulated plant's true state; a real plant has no such channel."""
 
     joint_position: Array
     """(n,) rad"""
@@ -53,13 +53,13 @@ class Truth(NamedTuple):
     velocity: Array
     """(m,) m/s"""
     wrench: Array
-    """Force the robot exerts, without sensor errors, (6,) N and N m"""
+    """Wrench that the robot exerts, without sensor errors, (6,) N and N m"""
     surface_position: float
-    """Where the surface is along its normal, m"""
+    """Position of the surface along its normal, m"""
 
 
 class Reference(NamedTuple):
-    """The desired state at an instant. Entries of an axis that is not so controlled are zero."""
+    """The desired state at an instant. Entries for an axis that is not controlled that way are zero."""
 
     position: Array
     """x_d, (m,) m"""
@@ -87,7 +87,7 @@ class Kinematics(NamedTuple):
 
 
 class State(NamedTuple):
-    """What every control law sees at a tick. All laws see the same."""
+    """What a control law sees at each tick. All laws see the same."""
 
     joint_position: Array
     """q as measured, (n,) rad"""
@@ -106,13 +106,13 @@ class State(NamedTuple):
     force: Array
     """F_e along the task axes as measured, (m,) N"""
     torque: Array
-    """Joint torque commanded at the last tick, after limits, (n,) N m; at the start the torque that holds the arm"""
+    """Joint torque commanded at the last tick, after limits, (n,) N m; at the start, the torque that holds the arm"""
     elapsed: float
     """Time since the law's last call, s: the period, or more where ticks were missed in real time"""
 
 
 class Faults(NamedTuple):
-    """What is done to the real-time loop on purpose, for every tick, (N,) each. Zero means nothing is done.
+    """Faults injected into the real-time loop, for every tick, (N,) each. Zero means no fault.
 
     The command of tick k is the answer to the state of tick k.
     """
@@ -120,11 +120,11 @@ class Faults(NamedTuple):
     driver_stall: Array
     """How long the driver's process sleeps before it measures, s"""
     controller_stall: Array
-    """How long the controller's process sleeps when it has received the state, s"""
+    """How long the controller's process sleeps after receiving the state, s"""
     driver_stop: Array
     """How long the driver's process is stopped (SIGSTOP) before it measures, s"""
     controller_stop: Array
-    """How long the controller's process is stopped when it has received the state, s"""
+    """How long the controller's process is stopped after receiving the state, s"""
     controller_busy: Array
     """How much longer the controller computes, s"""
     state_delay: Array
@@ -138,14 +138,14 @@ class Faults(NamedTuple):
 
     @classmethod
     def none(cls, ticks: int) -> Faults:
-        """Return no faults."""
+        """Return a schedule without faults."""
         return cls(*(np.zeros(ticks) for _ in cls._fields))
 
 
 class DisturbanceSchedule(NamedTuple):
-    """What disturbs a trial, for every tick. Zero, and one for scales, means undisturbed.
+    """The disturbances of a trial, for every tick. Zero (one for scales) means undisturbed.
 
-    Fields that begin with `plant_` need a driver that can apply them; the others act on what any driver measures.
+    Fields that begin with `plant_` need a driver that can apply them; the others act on the measurements of any driver.
     """
 
     plant_tip_force: Array
@@ -167,7 +167,7 @@ class DisturbanceSchedule(NamedTuple):
     measurement_delay: Array
     """Age of the measurement handed to the controller, in ticks, (N,) whole numbers"""
     faults: Faults
-    """What is done to the processes and the bus; a plant never sees it"""
+    """Faults of the processes and the bus; a plant never sees them"""
 
     @classmethod
     def quiet(cls, ticks: int, joints: int, axes: int) -> DisturbanceSchedule:
@@ -192,7 +192,7 @@ class PlantDisturbance(NamedTuple):
 
 @jitable
 def plant_disturbance(schedule: DisturbanceSchedule, tick: int) -> PlantDisturbance:
-    """Return what disturbs the plant during the period that begins at `tick`."""
+    """Return the plant's disturbance during the period that begins at `tick`."""
     return PlantDisturbance(
         schedule.plant_tip_force[tick],
         float(schedule.plant_surface_offset[tick]),

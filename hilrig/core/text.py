@@ -1,4 +1,4 @@
-"""Text files: the user's are read as UTF-8, hilrig's are written so."""
+"""Text files: user files are read as UTF-8, and hilrig writes UTF-8."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ OTHER_MARKS = {codecs.BOM_UTF16_LE: "UTF-16", codecs.BOM_UTF16_BE: "UTF-16"}
 
 
 class NotUtf8Error(ValueError):
-    """Bytes that are not UTF-8 text; the message says which byte, and its place counts from 1."""
+    """Bytes that are not UTF-8 text; the message names the byte; line and column count from 1."""
 
     def __init__(self, message: str, line: int, column: int) -> None:
         self.line, self.column = line, column
@@ -30,5 +30,5 @@ def decoded(content: bytes) -> str:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file. Bytes that are not UTF-8, from the name of a folder say, become escapes such as \\udcff."""
+    """Write a text file. Bytes that are not UTF-8, for example in a folder name, become escapes such as \\udcff."""
     path.write_text(text, encoding="utf-8", errors="backslashreplace")

@@ -1,7 +1,7 @@
 """The experiment file, from YAML to a checked plan of trials: schema, model, feasibility.
 
-What others use of this room is in `__init__.pyi`, imported when first used: the processes of the rig read trials, and
-do without YAML.
+The public names of this package are in `__init__.pyi`, imported on first use: the rig's processes read trials and do
+not need YAML.
 """
 
 import lazy_loader

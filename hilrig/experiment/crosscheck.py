@@ -1,4 +1,4 @@
-"""What no part of an experiment can know alone: whether its parts fit each other."""
+"""Checks across the parts of an experiment: whether they fit each other."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from hilrig.kinds import registry as plugins
 from hilrig.kinds.user_files import code_of
 
 MIN_TICKS = 2
-"""Below that there is no rate and nothing to compare"""
+"""With fewer there is no rate and nothing to compare"""
 MAX_TICKS = 5_000_000
 """A trial's references and disturbances are held in memory."""
 
@@ -31,10 +31,10 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 def cross_checked(experiment: Experiment) -> Experiment:
     """Return the experiment with every reference under its axis and every expectation in its metric's unit.
 
-    Raises InvalidError with all that does not fit together.
+    Raises InvalidError with everything that does not fit together.
     """
     findings = list(_check_driver(experiment))
-    if findings:  # what follows asks it
+    if findings:  # the other checks use the driver
         raise InvalidError(findings)
     findings += [
         *_check_names(experiment), *_check_task(experiment), *_check_time(experiment),
@@ -78,14 +78,14 @@ def _check_names(experiment: Experiment) -> Iterator[SchemaFinding]:
 def _check_name(name: str, path: Keys, on_key: bool) -> Iterator[SchemaFinding]:
     if not _NAME.fullmatch(name):
         message = (
-            f"{shown(name)} cannot be a name: it becomes part of a folder's; use at most 64 of A-Z, a-z, 0-9, '_' and "
-            "'-', with a letter or digit first"
+            f"{shown(name)} cannot be a name: it becomes part of a folder name; use at most 64 of A-Z, a-z, 0-9, '_' "
+            "and '-', starting with a letter or digit"
         )
         yield SchemaFinding(path, message, on_key)
 
 
 def _check_unique(named: Iterable[tuple[str, Keys]], on_key: bool) -> Iterator[SchemaFinding]:
-    """Names become folders, and to some file systems 'PD' and 'pd' are the same."""
+    """Yield repeated names: they become folders, and on some file systems 'PD' and 'pd' are the same."""
     seen: dict[str, str] = {}
     for name, path in named:
         if name.lower() in seen:
@@ -126,8 +126,8 @@ def _check_time(experiment: Experiment) -> Iterator[SchemaFinding]:
     if experiment.clock == "realtime" and spin >= period:
         path: Keys = ("period",) if spin == RigSettings.spin else ("rig", "spin")
         message = (
-            f"a period of {period:g} s leaves no time to sleep in: 'rig.spin', the part of each wait that is spent "
-            f"awake, is {spin:g} s; set it to less than the period"
+            f"a period of {period:g} s leaves no time to sleep: 'rig.spin', the part of each wait that is spent "
+            f"busy-waiting, is {spin:g} s; set it to less than the period"
         )
         yield SchemaFinding(path, message)
     if experiment.phases and not MIN_TICKS <= ticks <= MAX_TICKS:
@@ -135,7 +135,7 @@ def _check_time(experiment: Experiment) -> Iterator[SchemaFinding]:
 
 
 def _check_driver(experiment: Experiment) -> Iterator[SchemaFinding]:
-    """Yield what a driver of the user's does not say of itself as others rely on it."""
+    """Yield what is wrong with the attributes of a user's driver that the other checks rely on."""
     try:
         with code_of(experiment.driver):
             capabilities, axes = experiment.driver.capabilities, experiment.driver.robot.axes
@@ -143,7 +143,7 @@ def _check_driver(experiment: Experiment) -> Iterator[SchemaFinding]:
                 raise ValueError(f"capabilities is a {type(capabilities).__name__}; it must be a Capabilities")
             named = isinstance(axes, tuple) and all(isinstance(axis, str) and _NAME.fullmatch(axis) for axis in axes)
             if not named or not axes or len(set(axes)) < len(axes):
-                raise ValueError(f"the robot's axes are {axes!r}; they must be a tuple of different names, as 'x'")
+                raise ValueError(f"the robot's axes are {axes!r}; they must be a tuple of distinct names, such as 'x'")
     except PluginError as error:
         yield SchemaFinding(("driver",), str(error))
 
@@ -167,12 +167,12 @@ def _check_abilities(experiment: Experiment) -> Iterator[SchemaFinding]:
             if beyond:
                 kind = plugins.name_of(type(disturbance))[1]
                 able = ", ".join(capabilities.disturbances) or "none"
-                message = f"the driver cannot apply '{kind}', on {', '.join(beyond)} (it can: {able})"
+                message = f"the driver cannot apply '{kind}', which acts on {', '.join(beyond)} (it can: {able})"
                 yield SchemaFinding(("conditions", name, i), message)
 
 
 def _check_faults(experiment: Experiment) -> Iterator[SchemaFinding]:
-    """In lockstep nothing is late, and the loop would wait for a lost message for ever."""
+    """Yield faults without a real-time loop: in lockstep nothing is late, and a lost message would block it forever."""
     for name, disturbances in experiment.conditions.items():
         for i, disturbance in enumerate(disturbances):
             if is_fault(disturbance) and experiment.clock != "realtime":
@@ -194,7 +194,7 @@ def _check_timing(experiment: Experiment) -> Iterator[SchemaFinding]:
 
 
 def _complete_phase(experiment: Experiment, phase: Phase, index: int, findings: list[SchemaFinding]) -> Phase:
-    """Return the phase with a reference under each axis; what is wrong is added to `findings`."""
+    """Return the phase with a reference under each axis; problems are added to `findings`."""
     force = tuple(axis for axis in experiment.driver.robot.axes if axis in experiment.task.force_axes)
     position = tuple(axis for axis in experiment.driver.robot.axes if axis not in force)
     for name, axes in (("position", position), ("force", force)):

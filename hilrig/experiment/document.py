@@ -1,4 +1,4 @@
-"""A YAML 1.2 file as plain data, with the place in the file of everything in it."""
+"""A YAML 1.2 file as plain data, with the place in the file of every key and value."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hilrig.core.text import NotUtf8Error, decoded
 
 MAX_YAML_BYTES = 1 << 20
 MAX_NODES = 100_000
-"""A few lines with aliases can stand for more values than fit into memory."""
+"""A few lines with aliases can expand to more values than fit into memory."""
 
 Keys = tuple[str | int, ...]
 """Where something is in the data: keys of mappings and indices of lists"""
@@ -29,7 +29,7 @@ _CONSTANTS: dict[str, dict[str, Any]] = {
     "null": dict.fromkeys(("", "~", "null")),
     "bool": {**dict.fromkeys(("true", "yes", "on", "y"), True), **dict.fromkeys(("false", "no", "off", "n"), False)},
 }
-"""What YAML means by these words; of the booleans all but true and false only after %YAML 1.1"""
+"""The meaning of these words in YAML; booleans other than true and false only after %YAML 1.1"""
 _HALF = re.compile("[\ud800-\udfff]")
 _SCALARS = ("null", "bool", "int", "float", "str", "timestamp", "merge")
 
@@ -48,7 +48,7 @@ class Document:
     """Each scalar as it is written in the file"""
 
     def place(self, *path: str | int, key: bool = False) -> Place:
-        """Return the place of the value at `path`, or of its key; of what is around it if it is not there."""
+        """Return the place of the value at `path`, or of its key; if there is none, the place of what encloses it."""
         if key and path in self.keys:
             return self.keys[path]
         while path and path not in self.values:
@@ -127,7 +127,7 @@ class _Reader:
             raise ExperimentError(
                 [Problem(self._place(node), f"the aliases in this file expand to more than {MAX_NODES} values")]
             )
-        # An alias is the same node as its anchor, whose place is where the value is written.
+        # An alias is the same node as its anchor, so its place is that of the anchor's value.
         self.values[path] = self._place(node)
         if id(node) in self._open:
             self._problem(node, "this anchor contains itself")
@@ -158,7 +158,7 @@ class _Reader:
                 self._problem(key, "merge keys (<<) are not part of YAML 1.2; write the values out, or use an alias")
             elif key.value in seen:
                 first = seen[key.value].start_mark.line + 1
-                self._problem(key, f"the key '{key.value}' is here twice; first on line {first}")
+                self._problem(key, f"the key '{key.value}' appears twice; first on line {first}")
             else:
                 seen[key.value] = key
                 self.keys[(*path, key.value)] = self._place(key)

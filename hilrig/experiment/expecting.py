@@ -19,7 +19,7 @@ OF_A_METRIC = ("minus", "phase", "axis", "below", "above")
 
 
 def ends_as_expected(expect: Iterable[Mapping[str, Any]], controller: str, condition: str, outcome: str) -> bool:
-    """Return whether an expectation, in the form of plan.json, says that such a trial ends with this outcome."""
+    """Return whether an expectation, as in plan.json, says that such a trial ends with this outcome."""
     return any(
         item.get("outcome") == outcome and item["controller"] == controller
         and item.get("condition") in (None, condition)
@@ -28,13 +28,13 @@ def ends_as_expected(expect: Iterable[Mapping[str, Any]], controller: str, condi
 
 
 def ended_early(as_expected: Iterable[str]) -> str:
-    """Return what follows the number of completed trials: how many others ended as expected; "" if none did."""
+    """Return the text after the number of completed trials: how many others ended as expected; "" if none did."""
     counts = Counter(outcome for outcome in as_expected if outcome != "completed")
     return "".join(f", {count} {outcome} as expected" for outcome, count in counts.items())
 
 
 def check_expectation(experiment: Experiment, expectation: Expectation, index: int) -> Iterator[SchemaFinding]:
-    """Yield what is wrong with one expectation: names that are unknown, keys that do not go together."""
+    """Yield what is wrong with one expectation: unknown names, and keys that do not go together."""
     controllers = tuple(experiment.controllers)
     choices = {
         "metric": ("metric", plugins.kind_names("metrics")),
@@ -57,14 +57,14 @@ def check_expectation(experiment: Experiment, expectation: Expectation, index: i
 
 
 def _check_form(expectation: Expectation, index: int) -> Iterator[SchemaFinding]:
-    """Yield what is wrong with which keys are given, whatever their values."""
+    """Yield problems in the combination of keys, whatever their values."""
     if expectation.outcome is not None and expectation.metric is not None:
         message = "'metric' and 'outcome' are both given; write an expectation for each"
         yield SchemaFinding(("expect", index, "outcome"), message, on_key=True)
     elif expectation.outcome is not None:
         for name in OF_A_METRIC:
             if getattr(expectation, name) is not None:
-                message = f"'{name}' does not go with 'outcome', which is of whole trials (allowed: condition)"
+                message = f"'{name}' does not go with 'outcome', which applies to whole trials (allowed: condition)"
                 yield SchemaFinding(("expect", index, name), message, on_key=True)
     elif expectation.metric is None:
         yield SchemaFinding(
@@ -75,7 +75,7 @@ def _check_form(expectation: Expectation, index: int) -> Iterator[SchemaFinding]
 
 
 def complete_expectation(expectation: Expectation, index: int, findings: list[SchemaFinding]) -> Expectation:
-    """Return the expectation with its phase, in its metric's unit; what cannot be converted is added to `findings`."""
+    """Return the expectation with its phase and limits in the metric's unit; adds problems to `findings`."""
     if expectation.metric not in plugins.kind_names("metrics"):
         return expectation
     unit = plugins.load_kind("metrics", expectation.metric).unit

@@ -19,13 +19,13 @@ from hilrig.experiment.schema import Context, InvalidError, SchemaFinding, json_
 
 STUDY_KEYS = ("claims", "experiments")
 EXPERIMENT_KEYS = ("driver", "task", "phases", "controllers")
-"""Keys that only one of them has tell a study and an experiment apart"""
+"""Keys that only one of the two has; they tell studies and experiments apart"""
 
 
 def load(path: Path, overrides: Iterable[str] = ()) -> Experiment:
-    """Return the experiment of a file, with overrides such as "controllers.pd.stiffness=100 N/m".
+    """Return the experiment in a file, with overrides such as "controllers.pd.stiffness=100 N/m".
 
-    Raises ExperimentError with everything that is wrong, each with its place.
+    Raises ExperimentError with all problems, each with its place.
     """
     source = document.read_document(Path(path))
     if is_study(source):
@@ -56,13 +56,13 @@ def experiment_schema() -> dict[str, Any]:
 
 
 def problems(findings: Iterable[SchemaFinding], source: Document) -> list[Problem]:
-    """Return the findings as problems, each with its place, in the order of the file."""
+    """Return the findings as problems, each with its place, in file order."""
     problems = [Problem(source.place(*found.path, key=found.on_key), _as_written(found, source)) for found in findings]
     return sorted(problems, key=lambda problem: (problem.place or Place("", 0, 0))[1:])
 
 
 def _as_written(found: SchemaFinding, source: Document) -> str:
-    """Return the message with the value as it stands in the file: 1e-3, not 0.001."""
+    """Return the message with the value as written in the file: 1e-3, not 0.001."""
     value, written = _at(source.data, found.path), source.written.get(found.path)
     if written is None or isinstance(value, (str, bool)) or value is None or shortened(written) != written:
         return found.message

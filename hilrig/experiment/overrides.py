@@ -12,16 +12,16 @@ from hilrig.experiment.document import Document, Keys
 from hilrig.experiment.model import Experiment
 
 SECTIONS = tuple(field.name for field in fields(Experiment) if field.name != "source")
-"""What an experiment file may hold"""
+"""Sections that an experiment file may have"""
 USER_NAMED = (("controllers",), ("conditions",))
-"""Mappings whose names the user chose: an override changes what is there, and adds nothing"""
+"""Mappings with names chosen by the user: an override can change entries, but not add any"""
 
 
 def override(source: Document, text: str) -> Document:
     """Return the document with `text`, "dotted.path=value", applied; the value is read as YAML.
 
-    Items of a list are named by their `name` or by their index from 0. Raises ExperimentError if the path
-    leads nowhere.
+    Items of a list are selected by their `name` or by their index from 0. Raises ExperimentError if the path
+    does not exist.
     """
     file = f"--set {text}"
     path_text, equals, value_text = text.partition("=")
@@ -38,7 +38,7 @@ def override(source: Document, text: str) -> Document:
 
 
 def _resolved(data: Any, names: list[str], file: str) -> Keys:
-    """Return the path that `names` stand for in `data`, in which sections that were left out are added as mappings."""
+    """Return the path that `names` stand for in `data`; sections that are missing there are added as mappings."""
     path: Keys = ()
     for depth, name in enumerate(names):
         if isinstance(data, list):
@@ -50,7 +50,7 @@ def _resolved(data: Any, names: list[str], file: str) -> Keys:
                 raise _error(file, f"there is no '{name}' in an experiment{nearest(name, SECTIONS)}")
             if name not in data and path in USER_NAMED:
                 there = ", ".join(data) or "nothing"
-                message = f"there is no '{name}' in {_dotted(path)}{nearest(name, data)} (there: {there})"
+                message = f"there is no '{name}' in {_dotted(path)}{nearest(name, data)} (known: {there})"
                 raise _error(file, message)
             if not last and data.get(name) is None:  # an optional section, left out or empty
                 data[name] = {}
@@ -66,11 +66,11 @@ def _index(items: list[Any], name: str, file: str) -> int:
         return names.index(name)
     if name.isdecimal() and int(name) < len(items):
         return int(name)
-    raise _error(file, f"there is no item '{name}'{nearest(name, names)} (there: {', '.join(names)})")
+    raise _error(file, f"there is no item '{name}'{nearest(name, names)} (known: {', '.join(names)})")
 
 
 def _merged(source: Document, data: Any, path: Keys, value: Document) -> Document:
-    """Return the document with the places of what was replaced taken from the override."""
+    """Return the document in which replaced values have the places of the override."""
 
     def merge(old: dict[Keys, Any], new: dict[Keys, Any]) -> dict[Keys, Any]:
         kept = {key: item for key, item in old.items() if key[: len(path)] != path}

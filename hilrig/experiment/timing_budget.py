@@ -1,4 +1,4 @@
-"""The timing budget of a trial in real time: what the file may ask for, and the defaults. They stand here alone."""
+"""The timing budget of a real-time trial: what the file can set, and the defaults, which are defined only here."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Annotated
 from hilrig.core.parameters import Parameter
 
 AGE_MARGIN = 0.25
-"""Periods that the age of a command may have beyond the actuation delay, by default"""
+"""Default margin of a command's age beyond the actuation delay, in periods"""
 
 
 @dataclass(frozen=True)
 class TimingBudget:
-    """The limits on the timing of a loop in real time; a trial that exceeds one is invalid and is not compared."""
+    """Timing limits of a real-time loop; a trial that exceeds one is invalid and is not compared."""
 
     late_fraction: Annotated[float, Parameter("", "largest share of late ticks", 0.0, 1.0)] = 0.005
     command_age_p99: Annotated[

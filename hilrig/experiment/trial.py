@@ -1,6 +1,6 @@
 """A trial: one controller under one condition, once; everything the rig needs to know to run it.
 
-No YAML and no units here: the processes of the rig read trials and must start fast.
+No YAML and no units here: the rig's processes read trials and must start fast.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from hilrig.kinds.registry import dump, restore
 from hilrig.kinds.user_files import code_of
 
 ALL_PHASES = "all"
-"""Stands for all phases together, in metrics and expectations"""
+"""Name for all phases together, in metrics and expectations"""
 
 
 class UnusableReferenceError(ValueError):
-    """A reference that cannot be sampled in its phase, the one at `index`."""
+    """A reference that cannot be sampled in its phase, which has the number `index`."""
 
     def __init__(self, index: int, message: str) -> None:
         self.index = index
@@ -45,7 +45,7 @@ class UnusableReferenceError(ValueError):
 
 @dataclass(frozen=True)
 class TaskSpec:
-    """The task, one entry per axis of the robot where there is one per axis."""
+    """The task; per-axis values have one entry for each axis of the robot."""
 
     force_axes: tuple[str, ...]
     """Axes that are force-controlled; the others are position-controlled"""
@@ -56,7 +56,7 @@ class TaskSpec:
     stiffness: tuple[float, ...]
     """K_d, N/m"""
     states: str
-    """What the impedance filter runs on: "measured" or "reference" states"""
+    """States that the impedance filter runs on: "measured" or "reference\""""
     velocity_cutoff: float
     """f_c of the joint velocity filter, Hz"""
     anti_windup: str = "clip"
@@ -70,7 +70,7 @@ class TaskSpec:
 
 @dataclass(frozen=True)
 class PhaseSpec:
-    """A span of the trial, `start <= t < end`, with the references that hold in it."""
+    """A span of the trial, `start <= t < end`, with its references."""
 
     name: str
     start: float
@@ -85,7 +85,7 @@ class PhaseSpec:
 
 @dataclass(frozen=True)
 class Limits:
-    """Where safety ends a trial."""
+    """Safety limits that end a trial."""
 
     tip_force: Annotated[float, Parameter("N", "largest force at the tip", 1e-3, 1e5)] = 200.0
     joint_velocity: Annotated[float, Parameter("rad/s", "largest joint velocity", 1e-3, 1e3)] = 20.0
@@ -119,7 +119,7 @@ class Trial:
     rig: RigSettings = field(default_factory=RigSettings)
     """The real-time set-up"""
     timing: TimingBudget = field(default_factory=TimingBudget)
-    """What the loop may take in real time"""
+    """Timing limits of the loop in real time"""
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -173,7 +173,7 @@ class Trial:
             disturbances=tuple(restore("disturbances", item) for item in document["disturbances"]),
             limits=Limits(**document["limits"]),
             start_position=tuple(document["start_position"]),
-            rig=RigSettings(**document.get("rig", {})),  # none in plans older than these settings
+            rig=RigSettings(**document.get("rig", {})),  # missing in plans older than these settings
             timing=TimingBudget(**document["timing"]),
         )
 
@@ -212,7 +212,7 @@ def sample_axis(trial: Trial, axis: str) -> Samples:
     for index, phase in enumerate(trial.phases):
         signal = (phase.force if axis in trial.task.force_axes else phase.position)[axis]
         ticks = slice(trial.tick_of(phase.start), trial.tick_of(phase.end))
-        # One sample more than the phase has ticks: where it ends is where the next one takes over.
+        # One sample more than the phase has ticks: its end is where the next phase starts.
         moments = np.append(time[ticks], phase.end)
         try:
             with code_of(signal):
@@ -228,11 +228,10 @@ def sample_axis(trial: Trial, axis: str) -> Samples:
 
 
 def disturbance_schedule(trial: Trial) -> DisturbanceSchedule:
-    """Return what disturbs the trial at every tick.
+    """Return the trial's disturbances at every tick.
 
-    Each disturbance draws from a generator of its own, seeded by (seed, repeat, its place in the condition):
-    repeat i is the same world for every controller. Raises ValueError if a disturbance does not fit the
-    robot.
+    Each disturbance draws from its own generator, seeded by (seed, repeat, its index in the condition): repeat i has
+    the same disturbances for every controller. Raises ValueError if a disturbance does not fit the robot.
     """
     robot = trial.driver.robot
     result = DisturbanceSchedule.quiet(trial.ticks, robot.joints, len(robot.axes))
@@ -252,7 +251,7 @@ def make_impedance(task: TaskSpec, axes: tuple[str, ...]) -> Impedance:
 
 
 def make_task(trial: Trial) -> Task:
-    """Return what the control law is told before the trial."""
+    """Return what the control law receives before the trial."""
     robot = trial.driver.robot
     impedance = make_impedance(trial.task, trial.axes)
     return Task(trial.period, trial.axes, impedance, robot.dynamic_parameters(), robot.torque_limits())
@@ -264,9 +263,9 @@ def start_joint_position(trial: Trial) -> Array:
 
 
 def first_state(trial: Trial, q: Array, force: Array, torque: Array, elapsed: float) -> State:
-    """Return what a law sees at its first measurement: joints at q (n,) rad, still, for nothing was there before.
+    """Return what a law sees at its first measurement: joints at q (n,) rad, at rest since there is no earlier sample.
 
-    `force` is along the task axes (m,) N, `torque` the one in effect (n,) N m, `elapsed` in s.
+    `force` is along the task axes (m,) N, `torque` the torque in effect (n,) N m, `elapsed` in s.
     """
     still = np.zeros(trial.driver.robot.joints)
     at = trial.driver.robot.kinematics(q.copy(), still)

@@ -1,1 +1,1 @@
-"""What plugs into hilrig, one kind a file; their registry, and the mathematics that they share."""
+"""The plug-ins of hilrig, one kind per file; their registry, and the mathematics that they share."""

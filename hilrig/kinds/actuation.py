@@ -14,7 +14,7 @@ from hilrig.core.signals import Array
 class Actuation:
     """mode = torque:  tau = the commanded torque.   mode = position_servo:  tau = K_s (q_ref - q) - D_s q' [+ G(q)]
 
-    with q_ref(k) = tau_c(k-1)/k_ref + q(k-1), eq. (26). The loop's torque gain is K_s/k_ref: one if K_s = k_ref.
+    with q_ref(k) = tau_c(k-1)/k_ref + q(k-1), eq. (26). The loop's torque gain is K_s/k_ref: 1 if K_s = k_ref.
     """
 
     mode: Literal["torque", "position_servo"] = "torque"
@@ -24,15 +24,15 @@ class Actuation:
     gravity_compensation: Annotated[bool, Parameter("", "whether the servo adds G(q)")] = False
 
     def constants(self) -> Servo:
-        """Return the numbers that the kernel takes."""
+        """Return the parameters for the kernel."""
         return Servo(self.mode == "position_servo", self.stiffness, self.damping, self.gravity_compensation)
 
 
 class Servo(NamedTuple):
-    """Numbers of an `Actuation`."""
+    """The parameters of an `Actuation`, for kernels."""
 
     by_position: bool
-    """Whether it takes joint references; else torques pass through"""
+    """Whether it takes joint references; otherwise torques pass through"""
     stiffness: float
     """K_s, N m/rad"""
     damping: float
@@ -44,20 +44,20 @@ class Servo(NamedTuple):
 def position_reference(torque: float, q: float, k_ref: float) -> float:
     """Return a joint's reference tau / k_ref + q (rad) of eq. (26); q itself where k_ref is 0: torques are commanded.
 
-    The period of delay in (26) is the rig's actuation delay.
+    The one-period delay in (26) is the rig's actuation delay.
     """
     return q + torque / k_ref if k_ref != 0.0 else q
 
 
 def holding_position(torque: Array, joint_position: Array, servo: Servo, gravity: Array) -> Array:
-    """Return the joint reference (n,) rad with which the servo gives `torque` (n,) N m at rest."""
+    """Return the joint reference (n,) rad for which the servo outputs `torque` (n,) N m at rest."""
     share = torque - gravity if servo.gravity_compensation else torque
     return joint_position + share / servo.stiffness if servo.stiffness > 0 else joint_position.copy()
 
 
 @kernel
 def motor_torque(servo: Servo, torque: float, reference: float, q: float, rate: float, gravity: float) -> float:
-    """Return the torque (N m) that one joint's motor gives for a command (torque, reference) at (q, q')."""
+    """Return the motor torque (N m) of one joint for a command (torque, reference) at (q, q')."""
     if not servo.by_position:
         return torque
     given = servo.stiffness * (reference - q) - servo.damping * rate

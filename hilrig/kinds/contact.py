@@ -9,22 +9,22 @@ from hilrig.core.compiler import kernel
 from hilrig.core.parameters import Parameter
 
 FRICTION_SPEED = 5e-3
-"""m/s: sliding speed below which friction falls off linearly (regularised Coulomb)"""
+"""m/s: sliding speed below which friction decreases linearly (regularised Coulomb)"""
 
 
 @dataclass(frozen=True)
 class Surface:
     """A surface whose normal is the last task axis: F_n = K (z - z_e) + B (z' - z_e'), F_t = mu F_n sat(x'/eps).
 
-    F is what the robot exerts, positive in penetration. With `pulls` false (the physical reading) F_n is never negative
-    and there is none without penetration; with `pulls` true the formula holds everywhere, as printed in the paper.
+    F is the force that the robot exerts, positive in penetration. With `pulls` false (the physical case) F_n is never
+    negative, and zero without penetration; with `pulls` true the formula holds everywhere, as printed in the paper.
     """
 
-    position: Annotated[float, Parameter("m", "place of the undisturbed surface along its normal, z_e")]
+    position: Annotated[float, Parameter("m", "undisturbed position along its normal, z_e")]
     stiffness: Annotated[float, Parameter("N/m", "K_e", 0.0, 1e7, "log")] = 800.0
     damping: Annotated[float, Parameter("N*s/m", "B_e", 0.0, 1e5, "log")] = 20.0
     friction: Annotated[float, Parameter("", "Coulomb coefficient mu along the surface", 0.0, 2.0)] = 0.0
-    pulls: Annotated[bool, Parameter("", "whether it pulls, too, as the printed formula does")] = False
+    pulls: Annotated[bool, Parameter("", "whether it also pulls, as in the printed formula")] = False
 
     def constants(self) -> SurfaceState:
         """Return the undisturbed surface."""
@@ -49,7 +49,7 @@ class SurfaceState(NamedTuple):
 
 @kernel
 def contact_force(surface: SurfaceState, z: float, z_rate: float, slip: float) -> tuple[float, float]:
-    """Return the (normal, tangential) force the robot exerts, N, at z (m), rate z' and sliding speed `slip` (m/s)."""
+    """Return the (normal, tangential) force that the robot exerts, N, at z (m), z' and sliding speed `slip` (m/s)."""
     depth = z - surface.position
     if depth <= 0.0 and not surface.pulls:
         return 0.0, 0.0

@@ -1,4 +1,4 @@
-"""The hybrid impedance filter that every control law shares, eqs. (3) to (5) of the paper, and small linear algebra."""
+"""The hybrid impedance filter shared by all control laws, eqs. (3) to (5) of the paper, and small linear algebra."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def advance_filter(
 ) -> Array:
     """Integrate p_d and v_d of eq. (5) by one period, in place, and return a_d (m,) m/s^2.
 
-    With reference states the filter runs on p_d, v_d (an admittance); otherwise on the measured x, x' as printed.
-    Both integrals are kept near the measured state: v_d within x' +- velocity_clip, p_d within x +- position_clip.
+    With reference states the filter runs on p_d, v_d (an admittance); otherwise on the measured x, x', as printed.
+    Both integrals are clipped to the measured state: v_d within x' +- velocity_clip, p_d within x +- position_clip.
     """
     acceleration = np.empty(filter_position.size)
     move_filter(impedance, period, filter_position, filter_velocity, state, reference, acceleration)
@@ -56,7 +56,7 @@ def move_filter(
     reference: Reference,
     acceleration: Array,
 ) -> None:
-    """Do `advance_filter`; a_d goes into `acceleration`."""
+    """Do the work of `advance_filter`; a_d goes into `acceleration`."""
     for i in range(acceleration.size):
         x, v = state.position[i], state.velocity[i]
         if impedance.reference_states:
@@ -105,9 +105,9 @@ def solve(matrix: Array, vector: Array) -> Array:
 
 @kernel_without_arrays
 def eliminate(a: Array, x: Array) -> None:
-    """Turn `x` (n,) into a^-1 x by elimination with pivoting; `a` (n, n) is used up. Raises ValueError if singular.
+    """Turn `x` (n,) into a^-1 x by elimination with pivoting; overwrites `a` (n, n). Raises ValueError if singular.
 
-    LAPACK's call costs fifteen times more than this for the two or three axes of a task.
+    A LAPACK call costs fifteen times more than this for the two or three axes of a task.
     """
     n = x.size
     for k in range(n):

@@ -1,10 +1,10 @@
-"""Finding, loading, writing down and bringing back kinds: the files that plug into hilrig.
+"""Finding, loading, dumping and restoring kinds: the files that plug into hilrig.
 
-A kind is a module with one public frozen dataclass that keeps the interface of its group. It is found
+A kind is a module with one public frozen dataclass that provides the interface of its group. It is found
 
 - in `hilrig/kinds/<group>/<kind>.py`,
 - by an entry point `<kind>` of the group `hilrig.<group>` in any installed package,
-- or, given as a path such as `./my_controller.py`, in a file of the user's.
+- or, given as a path such as `./my_controller.py`, in a user's file.
 """
 
 from __future__ import annotations
@@ -38,23 +38,22 @@ PROTOCOLS: dict[str, type] = {
     "drivers": Driver,
     "metrics": Metric,
 }
-"""The interface that the kinds of each group keep."""
+"""The interface that the kinds of each group provide."""
 
 _USER_MODULE = "hilrig_user_"
 _MISSING = dataclasses.MISSING
 
 
 def kind_names(group: str) -> tuple[str, ...]:
-    """Return the names of all kinds of `group`, built in or from installed packages, sorted."""
+    """Return the names of all kinds of `group`, built-in or from installed packages, sorted."""
     return tuple(sorted({*_built_in(group), *_entry_points(group)}))
 
 
 def load_kind(group: str, kind: str, base: Path | None = None) -> type:
     """Return the class of a kind.
 
-    `kind` is a name of `kinds(group)` or the path of a Python file; `base` is the folder a relative path
-    starts from (the experiment's). Raises PluginError if there is no such kind, or if it does not keep the
-    interface.
+    `kind` is a name of `kinds(group)` or the path of a Python file; `base` is the folder that relative paths start
+    from (the experiment's). Raises PluginError if there is no such kind, or if it does not provide the interface.
     """
     if "\0" in kind:
         raise PluginError(f"{kind!r} is neither a name nor a path")
@@ -64,12 +63,12 @@ def load_kind(group: str, kind: str, base: Path | None = None) -> type:
 
 
 def is_path(kind: str) -> bool:
-    """Return whether `kind` means a user's file and not a name."""
+    """Return whether `kind` is the path of a user's file, not a name."""
     return kind.endswith(".py") or "/" in kind
 
 
 def name_of(cls: type) -> tuple[str, str]:
-    """Return (group, kind) of a kind's class. Raises PluginError for a class that is none."""
+    """Return (group, kind) of a kind's class. Raises PluginError for a class that is not a kind."""
     parts = cls.__module__.split(".")
     if len(parts) == 4 and parts[:2] == ["hilrig", "kinds"] and parts[2] in PROTOCOLS:
         return parts[2], parts[3]
@@ -83,7 +82,7 @@ def name_of(cls: type) -> tuple[str, str]:
 
 
 def group_of(annotation: Any) -> str | None:
-    """Return the group whose kinds a field so annotated holds, or None if it holds something else."""
+    """Return the group whose kinds a field with this annotation holds, or None if it holds something else."""
     for group, protocol in PROTOCOLS.items():
         if annotation is protocol:
             return group
@@ -94,9 +93,9 @@ def group_of(annotation: Any) -> str | None:
 def dump(value: Any, name: str = "") -> Any:
     """Return `value`, a kind with its parameters, as data for JSON: {"kind": ..., field: SI value}.
 
-    Nested dataclasses and kinds are written the same way; tuples become lists. Exact: floats are kept as they are, and
-    an infinity, which JSON does not have, becomes the text "inf" or "-inf". Raises PluginError, naming the parameter
-    `name`, for what cannot be written.
+    Nested dataclasses and kinds are written the same way; tuples become lists. Exact: floats are not rounded, and an
+    infinity, which JSON does not have, becomes the string "inf" or "-inf". Raises PluginError, naming the parameter
+    `name`, for a value that cannot be written.
     """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = {f.name: dump(getattr(value, f.name), f.name) for f in dataclasses.fields(value) if f.init}
@@ -120,12 +119,12 @@ def restore(group: str, document: Mapping[str, Any]) -> Any:
     """Return the object that `dump` wrote. Raises PluginError if the document does not fit the kind."""
     kind = document.get("kind")
     if not isinstance(kind, str):
-        raise PluginError(f"a record of one of the {group} names no kind")
+        raise PluginError(f"a record of one of the {group} does not name its kind")
     return _build(load_kind(group, kind), {key: item for key, item in document.items() if key != "kind"})
 
 
 def _is_kind(cls: type) -> bool:
-    """Return whether a dataclass is a kind, and not a part of one that is defined beside it."""
+    """Return whether a dataclass is a kind, not a part of one defined in the same file."""
     try:
         name_of(cls)
     except PluginError:
@@ -147,7 +146,7 @@ def _build(cls: type, document: dict[str, Any]) -> Any:
 
 
 def _revive(annotation: Any, item: Any) -> Any:
-    """Return `item` of a document as the type that the field is annotated with."""
+    """Return `item` of a document, converted to the type in the field's annotation."""
     choices = get_args(annotation) if get_origin(annotation) in (Union, types.UnionType) else (annotation,)
     if isinstance(item, list):
         if not any(isinstance(part, (str, list, dict)) for part in item):
@@ -169,7 +168,7 @@ def _revive_mapping(annotation: Any, choices: tuple[Any, ...], item: dict[str, A
             return _build(choice, item)
         if isinstance(origin, type) and issubclass(origin, Mapping):
             return {key: _revive(get_args(choice)[1], part) for key, part in item.items()}
-    raise PluginError(f"a mapping stands where {annotation} is expected")
+    raise PluginError(f"found a mapping where {annotation} is expected")
 
 
 @cache
@@ -178,7 +177,7 @@ def _built_in(group: str) -> tuple[str, ...]:
         raise PluginError(f"there is no group of kinds '{group}'{nearest(group, PROTOCOLS)}")
     try:
         package = importlib.import_module(f"hilrig.kinds.{group}")
-    except ModuleNotFoundError:  # drivers come from entry points alone
+    except ModuleNotFoundError:  # drivers come only from entry points
         return ()
     return tuple(m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
 
@@ -189,7 +188,7 @@ def _entry_points(group: str) -> dict[str, EntryPoint]:
     for entry in entry_points(group=f"hilrig.{group}"):
         other = found.setdefault(entry.name, entry)
         if entry.name in _built_in(group):
-            raise PluginError(f"{entry.value} offers a kind '{entry.name}' of {group}, which hilrig has itself")
+            raise PluginError(f"{entry.value} offers a kind '{entry.name}' of {group}, which is built into hilrig")
         if other.value != entry.value:
             raise PluginError(f"two packages offer the kind '{entry.name}' of {group}: {other.value}, {entry.value}")
     return found
@@ -218,7 +217,7 @@ def _by_name(group: str, kind: str) -> type:
 
 def _from_file(group: str, path: Path) -> type:
     source = read_bytes(path)
-    # The name holds the contents' digest: only a file that changed is loaded anew.
+    # The name contains a digest of the contents: only a file that changed is loaded again.
     name = _USER_MODULE + hashlib.sha256(os.fsencode(f"{group}:{path}:") + source).hexdigest()[:16]
     module = sys.modules.get(name) or run_file(path, source, name, __hilrig_group__=group)
     return _check(group, _only_class(module, str(path)))
@@ -235,14 +234,14 @@ def _only_class(module: types.ModuleType, where: str) -> type:
     if len(found) != 1:
         names = ", ".join(item.__name__ for item in found or classes) or "no class"
         words = names if found or not classes else f"{names} without @dataclass"
-        raise PluginError(f"{where}: a kind's file defines exactly one public dataclass; this one has {words}")
+        raise PluginError(f"{where}: a kind's file must define exactly one public dataclass; this one has {words}")
     return found[0]
 
 
 def _check(group: str, cls: type) -> type:
-    """Return `cls` if it is frozen, offers all that the group's protocol asks for, and can be written to a file."""
+    """Return `cls` if it is frozen, provides everything in the group's protocol, and can be written to a file."""
     if not cls.__dataclass_params__.frozen:  # pyright: ignore[reportAttributeAccessIssue]
-        raise PluginError(f"{place_of(cls)}: {cls.__name__} can be changed; make it @dataclass(frozen=True)")
+        raise PluginError(f"{place_of(cls)}: {cls.__name__} is mutable; make it @dataclass(frozen=True)")
     fields = {f.name for f in dataclasses.fields(cls)}
     if "kind" in fields:
         message = "a parameter cannot be called 'kind', the key under which a file names the kind itself; rename it"

@@ -1,4 +1,4 @@
-"""Files of kinds that users write: running them, and saying where in them something went wrong."""
+"""Kinds in users' files: running them, and reporting where something went wrong."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ MAX_FILE_BYTES = 64 << 20
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return what a file holds. Raises PluginError for what is not a file, or cannot be one that people wrote."""
+    """Return a file's contents. Raises PluginError if it is not a regular file, or too large to be a user's source."""
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise PluginError(f"{path} is larger than {MAX_FILE_BYTES >> 20} MiB")
-        if not path.is_file():  # a pipe or a device need not end
+        if not path.is_file():  # a pipe or device may never end
             raise PluginError(f"{path} is not a regular file")
         return path.read_bytes()
     except OSError as error:
@@ -33,7 +33,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 class _FromSource(SourceFileLoader):
-    """Compiles what was read: Python's cache goes by size and whole seconds, and may hold an older file's code."""
+    """Compiles the source that was read: Python's cache checks size and whole seconds only, and may be stale."""
 
     def __init__(self, name: str, path: str, source: bytes) -> None:
         super().__init__(name, path)
@@ -44,9 +44,9 @@ class _FromSource(SourceFileLoader):
 
 
 def run_file(path: Path, source: bytes, name: str, **names: Any) -> types.ModuleType:
-    """Run a Python file that holds `source` as the module `name`, which finds `names` defined, and return it.
+    """Run the Python file with contents `source` as the module `name`, with `names` predefined, and return the module.
 
-    Raises PluginError with the line, whatever the file raises; only Ctrl-C passes.
+    Raises PluginError with the line, whatever the file raises; only Ctrl-C passes through.
     """
     if path.suffix != ".py":
         raise PluginError(f"{path} is not a Python file: its name does not end in .py")
@@ -75,10 +75,10 @@ def _where_it_failed(path: Path, error: BaseException) -> str:
 
 @contextmanager
 def code_of(kind: Any = None) -> Iterator[None]:
-    """Turn whatever a kind's code raises within the block into one PluginError that names the author's file and line.
+    """Turn any exception that a kind's code raises in the block into a PluginError with the author's file and line.
 
-    `kind` is the kind or its class, where it is known whose code runs. What is meant for the user passes as it is, and
-    so does a fault of hilrig's own. ValueError is how a kind says that a value does not fit: its message comes first.
+    `kind` is the kind or its class, if it is known whose code runs. Errors meant for the user pass unchanged, and so do
+    hilrig's own faults. A kind raises ValueError for a value that does not fit: its message comes first.
     """
     cls = kind if isinstance(kind, type) or kind is None else type(kind)
     package = cls.__module__.partition(".")[0] if cls else ""
@@ -98,7 +98,7 @@ def code_of(kind: Any = None) -> Iterator[None]:
 
 
 def place_of(cls: type, field: str = "") -> str:
-    """Return where a class, or one of its fields, is written: "file:line", as far as that is known."""
+    """Return where a class, or one of its fields, is defined: "file:line", or the file alone if the line is unknown."""
     owner = next((base for base in cls.__mro__ if field in inspect.get_annotations(base)), cls)
     module = sys.modules.get(owner.__module__)
     file = str(getattr(module, "__file__", None) or owner.__module__)

@@ -1,7 +1,7 @@
 """The controller's part of a tick: observe, call the law, limit its torque, record.
 
-Written once, over arrays that are filled in place. Where robot and law offer kernels it is compiled with them, many
-ticks at a call (`whole_trial`) or one at a time (`controller_answers`); where they are plain Python it is interpreted.
+Written once, over arrays that are filled in place. If robot and law offer kernels it is compiled with them, many ticks
+per call (`whole_trial`) or one at a time (`controller_answers`); if they are plain Python it is interpreted.
 """
 
 from __future__ import annotations
@@ -21,41 +21,41 @@ from hilrig.loop.rows import ControllerRows, StateRows, put
 
 
 class ControllerArrays(NamedTuple):
-    """What surrounds a law during a trial. The arrays change in place."""
+    """The data around a law during a trial. The arrays change in place."""
 
     references: Reference
-    """Of all ticks, arrays (N, m)"""
+    """References of all ticks, arrays (N, m)"""
     period: float
     """s"""
     smoothing: float
     """a of the velocity filter"""
     k_ref: float
-    """Of eq. (26), N m/rad; 0 for a plant that takes torques"""
+    """k_ref of eq. (26), N m/rad; 0 for a plant that takes torques"""
     force_index: NDArray[np.int64]
-    """Where the task axes are in a wrench, (m,)"""
+    """Indices of the task axes in a wrench, (m,)"""
     torque_limit: Array
     """(n,) N m"""
     last_tick: NDArray[np.int64]
-    """(1,): of the measurement before"""
+    """Tick of the previous measurement, (1,)"""
     position: Array
-    """q as measured last, (n,) rad"""
+    """Last measured q, (n,) rad"""
     velocity: Array
     """q', filtered, (n,) rad/s"""
     torque: Array
-    """Commanded last, after limits, (n,) N m"""
+    """Last commanded torque, after limits, (n,) N m"""
     seen: State
-    """What the law is given. Made anew at every tick: what a law does to it reaches neither loop nor record"""
+    """What the law receives. Rewritten at every tick, so changes by a law reach neither loop nor record"""
     at: Kinematics
     """The arrays in `seen` that follow from the kinematics"""
     wanted: Reference
-    """What the law is told to do, made anew at every tick"""
+    """The law's reference, rewritten at every tick"""
     asked: Array
-    """What the law asked for last, before limits, (n,) N m"""
+    """Last torque that the law returned, before limits, (n,) N m"""
     asked_size: NDArray[np.int64]
-    """(1,): how many torques it asked for"""
+    """Number of torques that it returned, (1,)"""
 
 
-# What `assembled` puts in the place of these names.
+# `assembled` replaces these names.
 robot_kinematics: Callable[[Any, Array, Array, Kinematics], None] = cast(Any, None)
 observe: Callable[..., float] = cast(Any, None)
 law_step: Callable[[Any, Any, State, Reference], Array] = cast(Any, None)
@@ -64,22 +64,22 @@ law_step: Callable[[Any, Any, State, Reference], Array] = cast(Any, None)
 def observe_template(
     tick: int, q: Array, wrench: Array, robot: Any, arrays: ControllerArrays, rows: ControllerRows
 ) -> float:
-    """Fill in what the law is given, from joint positions (n,) and wrench (6,), and record it in the next row.
+    """Compute what the law receives from joint positions (n,) and wrench (6,), and record it in the next row.
 
     Returns the time since the last measurement, s.
     """
     elapsed = follow(tick, q, wrench, arrays)
     robot_kinematics(robot, arrays.position, arrays.velocity, arrays.at)
-    # Now, and not with the answer: a law that is a kernel may write into its arguments.
+    # Before the answer, because a law that is a kernel may write into its arguments.
     note_given(tick, arrays, rows)
     return elapsed
 
 
 @kernel_without_arrays
 def follow(tick: int, q: Array, wrench: Array, arrays: ControllerArrays) -> float:
-    """Take in a measurement and the reference of its tick; return the time since the measurement before, s."""
+    """Take in a measurement and the reference of its tick; return the time since the previous measurement, s."""
     seen, wanted = arrays.seen, arrays.wanted
-    # In real time a tick can be missed: a difference over two periods is no rate over one.
+    # In real time a tick can be missed: a difference over two periods must not be divided by one.
     gap = max(tick - arrays.last_tick[0], 1)
     arrays.last_tick[0] = tick
     elapsed = gap * arrays.period
@@ -100,14 +100,14 @@ def follow(tick: int, q: Array, wrench: Array, arrays: ControllerArrays) -> floa
 
 @kernel
 def filter_velocity(velocity: Array, q: Array, last_q: Array, period: float, smoothing: float) -> None:
-    """Move q' on by one sample, in place: q' += a ((q - q_prev)/l - q'), a = 1 - exp(-2 pi f_c l)."""
+    """Advance q' by one sample, in place: q' += a ((q - q_prev)/l - q'), a = 1 - exp(-2 pi f_c l)."""
     for i in range(velocity.size):
         velocity[i] += smoothing * ((q[i] - last_q[i]) / period - velocity[i])
 
 
 @jitable
 def since(elapsed: float, seen: State) -> State:
-    """Return the state with another elapsed time, s: a number in a tuple cannot be written in place."""
+    """Return the state with another elapsed time, s, because a number in a tuple cannot be written in place."""
     return State(
         seen.joint_position, seen.joint_velocity, seen.position, seen.velocity, seen.jacobian, seen.jacobian_rate,
         seen.regressor, seen.force, seen.torque, elapsed,
@@ -116,7 +116,7 @@ def since(elapsed: float, seen: State) -> State:
 
 @kernel_without_arrays
 def note_given(tick: int, arrays: ControllerArrays, rows: ControllerRows) -> None:
-    """Write what the law is given into the next row."""
+    """Write what the law receives into the next row."""
     internals, row = rows.internals, rows.written[0]
     internals.tick[row] = tick
     internals.time[row] = tick * arrays.period
@@ -168,9 +168,9 @@ def controller_template(
     parameters: Any, memory: Any, fields: tuple[Array, ...], robot: Any, arrays: ControllerArrays,
     rows: ControllerRows, heard: StateRows,
 ) -> Iterator[bool]:  # fmt: skip
-    """Answer the measurement in the first row of `heard` at every turn; yield whether the answer can be commanded.
+    """Answer the measurement in the first row of `heard` at every step; yield whether the answer can be commanded.
 
-    Answer after answer is written into the next row, and into the first one again after the last.
+    Each answer is written into the next row; after the last row comes the first again.
     """
     row, count = 0, rows.command.tick.size
     while True:
@@ -183,12 +183,12 @@ def controller_template(
 
 
 def observing(kernels: RobotKernels) -> Callable[..., float]:
-    """Return `observe_template` with this robot in it."""
+    """Return `observe_template` with this robot filled in."""
     return assembled(observe_template, makes_arrays=False, robot_kinematics=kernels.kinematics)
 
 
 def controller_arrays(trial: Trial) -> ControllerArrays:
-    """Return what surrounds the law of a trial, before the first measurement."""
+    """Return the data around the law of a trial, before the first measurement."""
     robot = trial.driver.robot
     n, m, start = robot.joints, len(trial.axes), start_joint_position(trial)
     at = Kinematics(*(np.array(part) for part in robot.kinematics(start, np.zeros(n))))

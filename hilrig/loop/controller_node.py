@@ -1,4 +1,4 @@
-"""The controller node's part in a trial: kinematics, velocity filter, reference, law and torque limits."""
+"""The controller node's part of a trial: kinematics, velocity filter, reference, law and torque limits."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class ControllerNode:
         return sizes
 
     def bind(self, heard: StateRows, rows: ControllerRows) -> None:
-        """Say where a measurement is found, in the first row of `heard`, and where answers are recorded."""
+        """Set where measurements arrive (the first row of `heard`) and where answers are recorded (`rows`)."""
         self._heard, self._rows = heard, rows
 
     def answer(self) -> int:
@@ -74,7 +74,7 @@ class ControllerNode:
         return answers(law.parameters, law.memory, parts.fields, self.robot.constants, self.arrays, rows, heard)
 
     def why_refused(self, tick: int) -> HilrigError:
-        """Return the error that the law's last torque is."""
+        """Return the error for the law's last torque, which could not be commanded."""
         size = int(self.arrays.asked_size[0])
         if size != self.arrays.asked.size:
             return wrong_torque((size,), self.trial)

@@ -1,4 +1,4 @@
-"""The driver node's part in a trial: the plant, what disturbs it, its sensors and the safety limits."""
+"""The driver node's part of a trial: the plant, its disturbances, its sensors and the safety limits."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from hilrig.loop.safety import why_unsafe
 
 
 class DriverNode:
-    """Takes hold of the plant when it is made; `close` lets go of it."""
+    """Owns the plant from construction until `close`."""
 
     def __init__(self, trial: Trial) -> None:
         self.trial = trial
         self.arrays: DriverArrays = driver_arrays(trial)
         self.plant: Plant = trial.driver.begin(TrialStart(trial.period, start_joint_position(trial)))
         self.truthful = False
-        """Whether the plant knows the truth about itself; known from the first measurement on"""
+        """Whether the plant knows its true state; valid from the first measurement on"""
         self._parts: Iterator[bool] | None = None
         self._acting: Command | None = None
         self._begun = self._closed = False
@@ -40,7 +40,7 @@ class DriverNode:
         return hasattr(self.plant, "kernels")
 
     def bind(self, rows: DriverRows, acting: Command) -> None:
-        """Say where the ticks are recorded, and where the command of a tick is found: arrays (n,) that others fill."""
+        """Set where the ticks are recorded, and the acting command: arrays (n,) that others fill."""
         self._acting = acting
         self._parts = driver_ticks(self.kernels, self.trial.ticks, self.arrays, rows, acting)
 
@@ -57,7 +57,7 @@ class DriverNode:
         return self.plant.hold()
 
     def measure(self, tick: int) -> None:
-        """Measure at `tick` into the row `tick` modulo their number. Raises Tripped beyond a safety limit."""
+        """Measure at `tick` into row `tick` modulo the number of rows. Raises Tripped beyond a safety limit."""
         assert self._parts is not None, "bind() comes first"
         if not self._begun:
             assert self._acting is not None
@@ -67,7 +67,7 @@ class DriverNode:
             raise Tripped(self.why_unsafe(tick))
 
     def advance(self) -> None:
-        """Let the period that begins at the measured tick pass under the acting command."""
+        """Run the period that begins at the measured tick under the acting command."""
         assert self._parts is not None, "bind() comes first"
         next(self._parts)
 
@@ -77,13 +77,13 @@ class DriverNode:
         return why_unsafe(tick, exact, last, self.trial.period, limits)
 
     def _check(self, measurement: Measurement) -> None:
-        """Raise PluginError if the plant does not measure what its robot has."""
+        """Raise PluginError if the shapes of a measurement do not match the robot."""
         wanted = self.arrays.observation.measurement
         for name, value, room in zip(Measurement._fields, measurement, wanted, strict=True):
             if np.shape(value) != room.shape:
                 raise PluginError(
-                    f"driver {type(self.trial.driver).__name__}: measure returned {name} as an array "
-                    f"{np.shape(value)}; for this robot it is {room.shape}"
+                    f"driver {type(self.trial.driver).__name__}: measure returned {name} as an array of shape "
+                    f"{np.shape(value)}; for this robot it must be {room.shape}"
                 )
 
     def close(self) -> None:

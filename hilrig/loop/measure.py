@@ -1,7 +1,7 @@
 """The driver's part of a tick: measure, check the safety limits, add the sensors' errors, record; then advance.
 
-Written once, over arrays that are filled in place. Where the plant offers kernels it is compiled with them, many ticks
-at a call (`whole_trial`) or one part of a tick at a time (`driver_ticks`); where it is plain Python it is interpreted.
+Written once, over arrays that are filled in place. If the plant offers kernels it is compiled with them, many ticks
+per call (`whole_trial`) or one part of a tick at a time (`driver_ticks`); if it is plain Python it is interpreted.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from hilrig.loop.safety import extremes
 
 
 class DriverArrays(NamedTuple):
-    """What surrounds a plant during a trial. The arrays change in place."""
+    """The data around a plant during a trial. The arrays change in place."""
 
     schedule: DisturbanceSchedule
     tip_force_limit: float
@@ -38,28 +38,28 @@ class DriverArrays(NamedTuple):
     period: float
     """s"""
     last_position: Array
-    """The plant's joint positions at the tick before, without sensor errors, (n,) rad"""
+    """The plant's joint positions at the previous tick, without sensor errors, (n,) rad"""
     observation: Observation
-    """What the plant says of itself now"""
+    """What the plant reports now"""
     past: Measurement
-    """The last measurements without sensor errors, by tick modulo their number D: arrays (D, n), (D, 6), (D, n)"""
+    """The last D measurements, without sensor errors, indexed by tick modulo D: arrays (D, n), (D, 6), (D, n)"""
 
 
-# What `assembled` puts in the place of these names.
+# `assembled` replaces these names.
 plant_observe: Callable[[Any, Array, PlantDisturbance, Observation], float] = cast(Any, None)
 plant_advance: Callable[[Any, Array, PlantDisturbance, Array, Array], None] = cast(Any, None)
 measure: Callable[..., bool] = cast(Any, None)
 
 
 def measure_template(tick: int, plant: Any, state: Array, arrays: DriverArrays, rows: DriverRows) -> bool:
-    """Measure at `tick` and record it in the next row; return whether it is safe to go on."""
+    """Measure at `tick` and record the result in the next row; return whether it is safe to continue."""
     surface = plant_observe(plant, state, plant_disturbance(arrays.schedule, tick), arrays.observation)
     return note_measurement(tick, surface, arrays, rows)
 
 
 @kernel_without_arrays
 def note_measurement(tick: int, surface: float, arrays: DriverArrays, rows: DriverRows) -> bool:
-    """Check the observation of `tick` and record it in the next row; return whether it is safe to go on."""
+    """Check the observation of `tick` and record it in the next row; return whether it is safe to continue."""
     exact, row = arrays.observation.measurement, rows.written[0]
     finite, force, step = extremes(exact.joint_position, arrays.last_position, exact.wrench)
     if not finite or force > arrays.tip_force_limit or step / arrays.period > arrays.joint_velocity_limit:
@@ -75,14 +75,14 @@ def note_measurement(tick: int, surface: float, arrays: DriverArrays, rows: Driv
 
 @kernel_without_arrays
 def note_state(tick: int, row: int, arrays: DriverArrays, rows: DriverRows) -> None:
-    """Write what the sensors report: the measurement of some ticks ago, with the errors of now."""
+    """Write what the sensors report: the delayed measurement, with the current sensor errors."""
     past, depth = arrays.past, arrays.past.joint_position.shape[0]
     exact, state, schedule = arrays.observation.measurement, rows.state, arrays.schedule
     slot = tick % depth
     put(past.joint_position[slot], exact.joint_position)
     put(past.wrench[slot], exact.wrench)
     put(past.applied_torque[slot], exact.applied_torque)
-    # Before the first tick there was no measurement: until then the oldest there is stands for it.
+    # There was no measurement before the first tick: until the delay has passed, use the oldest one.
     slot = (tick - min(int(schedule.measurement_delay[tick]), tick)) % depth
     for i in range(exact.joint_position.size):
         state.joint_position[row, i] = past.joint_position[slot, i] + schedule.joint_error[tick, i]
@@ -106,9 +106,9 @@ def note_truth(row: int, surface: float, exact: Truth, rows: DriverRows) -> None
 def driver_template(
     last: int, plant: Any, state: Array, arrays: DriverArrays, rows: DriverRows, acting: Command
 ) -> Iterator[bool]:
-    """Do the ticks from 0 to `last` - 1, in two parts each: measure, then advance under `acting`.
+    """Do the ticks from 0 to `last` - 1, each in two parts: measure, then advance under `acting`.
 
-    Yields after each part whether it is safe to go on. Tick k is in row k modulo the number of rows.
+    Yields after each part whether it is safe to continue. Tick k is in row k modulo the number of rows.
     """
     count = rows.state.tick.size
     for tick in range(last):
@@ -119,23 +119,23 @@ def driver_template(
 
 
 def measuring(kernels: PlantKernels) -> Callable[..., bool]:
-    """Return `measure_template` with this plant in it."""
+    """Return `measure_template` with this plant filled in."""
     return assembled(measure_template, makes_arrays=False, plant_observe=kernels.observe)
 
 
 def driver_ticks(
     kernels: PlantKernels, last: int, arrays: DriverArrays, rows: DriverRows, acting: Command
 ) -> Iterator[bool]:
-    """Return `driver_template` at work: one call of `next` for each part of a tick.
+    """Return the generator of `driver_template`: one call of `next` for each part of a tick.
 
-    A kernel that yields keeps its arguments: to pass so many arrays at every call costs several times the work itself.
+    A generator keeps its arguments; passing this many arrays at every call would cost several times the work itself.
     """
     ticks = assembled(driver_template, measure=measuring(kernels), plant_advance=kernels.advance)
     return ticks(last, kernels.constants, kernels.state, arrays, rows, acting)
 
 
 def driver_arrays(trial: Trial) -> DriverArrays:
-    """Return what surrounds the plant of a trial, before the first measurement."""
+    """Return the data around the plant of a trial, before the first measurement."""
     schedule = disturbance_schedule(trial)
     n, m, depth = trial.driver.robot.joints, len(trial.axes), int(schedule.measurement_delay.max(initial=0)) + 1
     observation = Observation.empty(n, m)

@@ -1,4 +1,4 @@
-"""Plants, robots and laws in plain Python, as the text of a tick calls them: in the place of their kernels."""
+"""Plants, robots and laws in plain Python, in the form in which the code of a tick calls kernels."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hilrig.experiment.trial import Trial
 
 
 def plant_kernels(plant: Plant) -> PlantKernels:
-    """Return the plant's kernels, or functions in their place that call its methods."""
+    """Return the plant's kernels, or equivalent functions that call its methods."""
     if hasattr(plant, "kernels"):
         return cast(Any, plant).kernels()
     return PlantKernels(_observe, _advance, plant, np.zeros(0))
@@ -34,12 +34,12 @@ def _observe(plant: Plant, _state: Array, disturbance: PlantDisturbance, room: O
 
 
 def _advance(plant: Plant, _state: Array, disturbance: PlantDisturbance, torque: Array, position: Array) -> None:
-    # A plant may keep what it is given; here the arrays change at the next tick.
+    # Copies, because a plant may keep its arguments and these arrays change at the next tick.
     plant.advance(Command(torque.copy(), position.copy()), disturbance)
 
 
 def robot_kernels(robot: Robot) -> RobotKernels:
-    """Return the robot's kernels, or a function in their place that calls its method."""
+    """Return the robot's kernels, or an equivalent function that calls its method."""
     return cast(Any, robot).kernels() if hasattr(robot, "kernels") else RobotKernels(_kinematics, robot)
 
 
@@ -49,15 +49,15 @@ def _kinematics(robot: Robot, q: Array, rate: Array, room: Kinematics) -> None:
 
 
 class LawParts(NamedTuple):
-    """A law as the text of a tick calls it."""
+    """A law in the form in which the code of a tick calls it."""
 
     step: Callable[[Any, Any, State, Reference], Array]
     fields: tuple[Array, ...]
-    """The law's memory, one flat array for each field: up to date when `step` returns"""
+    """The law's memory, one flat array per field; up to date when `step` returns"""
 
 
 def law_parts(law: Law, trial: Trial) -> LawParts:
-    """Return the law's own step if it is a kernel that can be composed, else a function that guards a plain one."""
+    """Return the law's own step if it is a kernel that can be composed, else a wrapper that guards a plain one."""
     fields = tuple(field.reshape(-1) for field in law.memory) or (np.zeros(0),)
     in_place = all(np.shares_memory(flat, field) for flat, field in zip(fields, law.memory, strict=False))
     if can_be_composed(law.step) and in_place:
@@ -67,9 +67,9 @@ def law_parts(law: Law, trial: Trial) -> LawParts:
 
 def _guarded(law: Law, copies: tuple[Array, ...] | None, trial: Trial) -> Callable[..., Array]:
     def step(parameters: Any, memory: Any, state: State, reference: Reference) -> Array:
-        # A law may keep what it is given, and write into it; the loop's own arrays are not handed out.
+        # A law may keep its arguments and write into them, so it gets copies of the loop's arrays.
         torque = law.step(parameters, memory, copied(state), Reference(*(part.copy() for part in reference)))
-        if copies is not None:  # memory that does not lie in one piece has no flat view
+        if copies is not None:  # non-contiguous memory has no flat view
             for flat, field in zip(copies, memory, strict=True):
                 flat[:] = field.reshape(-1)
         return checked(torque, trial)
@@ -78,7 +78,7 @@ def _guarded(law: Law, copies: tuple[Array, ...] | None, trial: Trial) -> Callab
 
 
 def copied(state: State) -> State:
-    """Return the state with arrays of its own."""
+    """Return a copy of the state with its own arrays."""
     return State._make(part.copy() if isinstance(part, np.ndarray) else part for part in state)
 
 
@@ -91,8 +91,8 @@ def checked(torque: Any, trial: Trial) -> Array:
 
 
 def wrong_torque(shape: tuple[int, ...], trial: Trial) -> PluginError:
-    """Return the error of a law whose torque has another shape than (n,)."""
+    """Return the error for a law whose torque does not have the shape (n,)."""
     return PluginError(
-        f"controller '{trial.controller_name}': step returned an array {shape}; "
-        f"the robot takes torques {(trial.driver.robot.joints,)}"
+        f"controller '{trial.controller_name}': step returned an array of shape {shape}; "
+        f"the robot needs {(trial.driver.robot.joints,)}"
     )

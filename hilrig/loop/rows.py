@@ -1,6 +1,6 @@
-"""What a tick leaves behind: the rows that it fills in place, one array for each field, one row for each tick.
+"""The record of a tick: rows that it fills in place, one array per field, one row per tick.
 
-Whoever runs the loop brings the arrays. On the bus they are views of messages that are ready to be sent.
+The caller of the loop supplies the arrays. On the bus they are views of messages that are ready to be sent.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class StateRows(NamedTuple):
 
 
 class TruthRows(NamedTuple):
-    """What a simulated plant knows of itself; the fields of Truth.msg."""
+    """A simulated plant's true state; the fields of Truth.msg."""
 
     tick: Ticks
     time: Array
@@ -40,7 +40,7 @@ class TruthRows(NamedTuple):
 
 
 class CommandRows(NamedTuple):
-    """What the controller asks of the driver; the fields of Command.msg."""
+    """What the controller commands; the fields of Command.msg."""
 
     tick: Ticks
     time: Array
@@ -49,7 +49,7 @@ class CommandRows(NamedTuple):
 
 
 class InternalsRows(NamedTuple):
-    """What the law was given and what it remembers; the fields of Internals.msg."""
+    """The law's inputs and memory; the fields of Internals.msg."""
 
     tick: Ticks
     time: Array
@@ -84,6 +84,6 @@ class ControllerRows(NamedTuple):
 
 @kernel_without_arrays
 def put(row: Array, values: Array) -> None:
-    """row[:] = values. Element by element, for numba's assignment between arrays costs several times as much."""
+    """Set row[:] = values, element by element: numba's array assignment costs several times as much."""
     for i in range(values.size):
         row[i] = values[i]

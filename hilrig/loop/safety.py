@@ -1,4 +1,4 @@
-"""When a trial must end for safety: limits on what the driver measures, checked at every tick. Pure."""
+"""When a trial must end for safety: limits on the driver's measurements, checked at every tick. Pure."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from hilrig.experiment.trial import Limits
 
 @kernel_without_arrays
 def extremes(q: Array, last_q: Array, wrench: Array) -> tuple[bool, float, float]:
-    """Return whether all is finite, the norm of the force (N), and the largest step of a joint (rad).
+    """Return whether all values are finite, the norm of the force (N), and the largest step of a joint (rad).
 
-    `q` and `last_q` are the joint positions now and at the tick before, (n,) rad; `wrench` is (6,).
+    `q` and `last_q` are the joint positions now and at the previous tick, (n,) rad; `wrench` is (6,).
     """
     finite, step = True, 0.0
     for i in range(q.size):

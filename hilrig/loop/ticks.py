@@ -1,4 +1,4 @@
-"""The loop over the ticks, on the driver's side: in lockstep over the bus, and in real time."""
+"""The loop over the ticks on the driver's side, in lockstep over the bus and in real time."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ class Wire(Protocol):
         ...
 
     def publish(self, tick: int) -> None:
-        """Hand on what was measured at `tick`."""
+        """Send the measurement of `tick`."""
         ...
 
     def take_command(self, tick: int, wanted: int) -> None:
-        """Put into effect the command of tick `wanted` for the period that begins at `tick`.
+        """Put the command of tick `wanted` into effect for the period that begins at `tick`.
 
-        In real time the newest one that is not newer than that; the one before stays if there is none.
+        In real time, take the newest command that is not newer than that; if there is none, the previous one stays.
         """
         ...
 
@@ -39,9 +39,9 @@ class Ending(NamedTuple):
 def do_ticks(node: DriverNode, wire: Wire) -> Ending:
     """Do all ticks of the node's trial, release the plant, and return how it ended.
 
-    During the period that begins at tick k the plant is under the command of tick k - delay; before there is one, under
-    the command that holds it. In lockstep the measurement goes out first: its own command may be the one to wait for.
-    In real time the command that acts now has come in before, and is applied before anything else is done.
+    During the period that begins at tick k the command of tick k - delay acts on the plant; before there is one, the
+    command that holds it. In lockstep the measurement is sent first, because its own command may be the one to wait
+    for. In real time the command that acts now has already arrived, and is applied before anything else.
     """
     trial = node.trial
     tick, delay, realtime = 0, trial.actuation_delay, trial.clock == "realtime"

@@ -1,6 +1,6 @@
-"""A whole trial in one process, many ticks at a call: both nodes, and the loop around them.
+"""A whole trial in one process, many ticks per call: both nodes, and the loop around them.
 
-The loop is compiled, too, if the law is a kernel; it is plain Python if not.
+The loop is also compiled if the law is a kernel; otherwise it is plain Python.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from hilrig.loop.ticks import Ending
 
 
 class TrialArrays(NamedTuple):
-    """What surrounds plant and law, and the commands on their way between them."""
+    """The data around plant and law, and the commands in transit between them."""
 
     driver: DriverArrays
     controller: ControllerArrays
     commands: Command
-    """The last commands, by tick modulo their number: arrays (delay + 1, n)"""
+    """The last commands, indexed by tick modulo their number: arrays (delay + 1, n)"""
     delay: int
-    """Ticks from a measurement to its command's effect"""
+    """Ticks from a measurement until its command acts"""
 
 
 class TrialRows(NamedTuple):
-    """Where a block of ticks is recorded, one row for each."""
+    """The rows for a block of ticks, one per tick."""
 
     driver: DriverRows
     controller: ControllerRows
 
 
-# What `assembled` puts in the place of these names.
+# `assembled` replaces these names.
 measure: Callable[..., bool] = cast(Any, None)
 observe: Callable[..., float] = cast(Any, None)
 plant_advance: Callable[[Any, Array, PlantDisturbance, Array, Array], None] = cast(Any, None)
@@ -51,7 +51,7 @@ law_step: Callable[[Any, Any, State, Reference], Array] = cast(Any, None)
 def sense_template(
     tick: int, plant: Any, state: Array, robot: Any, arrays: TrialArrays, rows: TrialRows
 ) -> tuple[bool, float]:
-    """Measure at `tick`; return whether it is safe to go on, and the time since the law's last step, s."""
+    """Measure at `tick`; return whether it is safe to continue, and the time since the law's last step, s."""
     row, reported = rows.driver.written[0], rows.driver.state
     if not measure(tick, plant, state, arrays.driver, rows.driver):
         return False, 0.0
@@ -62,7 +62,7 @@ def sense_template(
 def act_template(
     tick: int, asked: Array, memory: tuple[Array, ...], plant: Any, state: Array, arrays: TrialArrays, rows: TrialRows
 ) -> bool:
-    """Let the law's torque, limited, take effect after its delay. Returns False if it cannot be commanded."""
+    """Limit the law's torque and apply it after its delay. Returns False if it cannot be commanded."""
     row, slots = rows.controller.written[0], arrays.commands.torque.shape[0]
     if not answer(tick, asked, memory, arrays.controller, rows.controller):
         return False
@@ -78,7 +78,7 @@ def run_template(
     first: int, last: int, parameters: Any, memory: Any, fields: tuple[Array, ...], plant: Any, state: Array,
     robot: Any, arrays: TrialArrays, rows: TrialRows,
 ) -> int:  # fmt: skip
-    """Do the ticks from `first` to `last` - 1; return how far it came: `last`, or the tick at which it had to stop."""
+    """Do the ticks from `first` to `last` - 1; return `last`, or the tick at which the trial had to stop."""
     for tick in range(first, last):
         safe, elapsed = sense(tick, plant, state, robot, arrays, rows)
         if not safe:
@@ -101,7 +101,7 @@ class WholeTrial:
     def start(self, rows: DriverRows) -> dict[str, int]:
         """Start the law; return the length of every field of its memory. Raises Tripped, PluginError.
 
-        The first measurement is looked at, in `rows`, and changes nothing: the first tick measures once more.
+        This takes a first measurement into `rows`, which changes nothing: the first tick measures again.
         """
         driver, controller = self._driver, self._controller
         commands = Command(
@@ -116,11 +116,11 @@ class WholeTrial:
         act = assembled(act_template, makes_arrays=False, plant_advance=driver.kernels.advance)
         self._run = assembled(run_template, sense=sense, act=act, law_step=controller.parts.step)
         self.in_python = not can_be_composed(self._run)
-        """Whether every tick needs the interpreter; else other threads have it during a block"""
+        """Whether every tick needs the interpreter; if not, other threads can use it during a block"""
         return sizes
 
     def do(self, ticks: int, rows: TrialRows) -> Ending | None:
-        """Do up to so many ticks into `rows`; return how the trial ended, if it did. Raises PluginError."""
+        """Do up to `ticks` ticks into `rows`; return how the trial ended, if it did. Raises PluginError."""
         law, plant, robot = self._controller.law, self._driver.kernels, self._controller.robot
         assert law is not None, "start() comes first"
         last = min(self.tick + ticks, self._trial.ticks)

@@ -1,4 +1,4 @@
-"""Asks every controller that can tell, and the task, which bounds the plan keeps: numbers for check and report."""
+"""Assesses which bounds the plan keeps, for the task and every controller that can tell; used by check and report."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 
 class PlanAssessment(NamedTuple):
-    """What is known of a plan before it is run."""
+    """What is known about a plan before it is run."""
 
     controllers: Mapping[str, Assessment]
-    """By name, of those that can tell"""
+    """By name, for those that offer `assess`"""
     task: Assessment
 
     def document(self) -> dict[str, Any]:
@@ -33,10 +33,10 @@ class PlanAssessment(NamedTuple):
 
 
 def assess(experiment: Experiment, trials: Sequence[Trial]) -> PlanAssessment:
-    """Return which bounds the trials of an experiment's plan keep, at the worst place of all conditions.
+    """Return which bounds the trials of an experiment's plan keep, at the worst place over all conditions.
 
-    Raises ExperimentError if a controller's `assess` fails or returns something else than an assessment, and
-    PluginError if a user's robot fails along the path.
+    Raises ExperimentError if a controller's `assess` fails or does not return an assessment, and PluginError if a
+    user's robot fails along the path.
     """
     with code_of():
         setting = setting_of(trials)
@@ -67,7 +67,7 @@ def setting_of(trials: Sequence[Trial]) -> Setting:
 
 
 def _read_only(value: Any) -> Any:
-    """Return the same with views of its arrays that nobody can write to: all controllers are told the same."""
+    """Return the same value with read-only views of its arrays, so that all controllers receive the same."""
     if isinstance(value, np.ndarray):
         view = value.view()
         view.flags.writeable = False
@@ -79,7 +79,7 @@ def _read_only(value: Any) -> Any:
 
 
 def _checked(found: Any, controller: Assessing) -> Assessment:
-    """Return what a controller said of itself. Raises PluginError, naming the line of its `assess`."""
+    """Return a controller's assessment, checked. Raises PluginError, naming the line of its `assess`."""
     try:
         return _assessment(found)
     except _NotAnAssessmentError as error:
@@ -89,11 +89,11 @@ def _checked(found: Any, controller: Assessing) -> Assessment:
 
 
 class _NotAnAssessmentError(Exception):
-    """What a controller returned is none; the message says what is wrong with it."""
+    """A controller returned something else; the message says what is wrong with it."""
 
 
 def _assessment(found: Any) -> Assessment:
-    """Return an assessment of plain data. Raises _NotAnAssessmentError."""
+    """Return the assessment with plain data. Raises _NotAnAssessmentError."""
     if not isinstance(found, Assessment):
         raise _NotAnAssessmentError(f"it must return an Assessment, not {_shown(found)}")
     for name, kind in (("bounds", Bound), ("unknown", str)):
@@ -109,7 +109,7 @@ def _assessment(found: Any) -> Assessment:
 
 
 def _checked_bound(bound: Bound) -> Bound:
-    """Return a bound whose numbers are plain floats. Raises _NotAnAssessmentError."""
+    """Return the bound with plain floats. Raises _NotAnAssessmentError."""
     who = f"bound '{bound.name}'"
     for name in ("name", "unit", "warning", "where", "basis"):
         if not isinstance(text := getattr(bound, name), str):
@@ -129,7 +129,7 @@ def _checked_bound(bound: Bound) -> Bound:
 
 
 def _number(who: str, name: str, value: Any) -> float:
-    """Return a number of a bound, infinite if need be. Raises _NotAnAssessmentError."""
+    """Return a number of a bound, which may be infinite. Raises _NotAnAssessmentError."""
     array = np.asarray(value if isinstance(value, (int, float, np.ndarray, np.generic)) else None)
     if array.dtype.kind not in "iuf" or array.size != 1:
         raise _NotAnAssessmentError(f"{who}: '{name}' must be one number, not {_shown(value)}")
@@ -139,7 +139,7 @@ def _number(who: str, name: str, value: Any) -> float:
 
 
 def _shown(value: Any) -> str:
-    """Return a value in a few words; of an array its shape."""
+    """Return a value in a few words; for an array, its shape."""
     if isinstance(value, np.ndarray):
         return f"an array of shape {value.shape}"
     text = " ".join(repr(value).split())

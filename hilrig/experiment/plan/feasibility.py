@@ -23,11 +23,11 @@ from hilrig.experiment.trial import (
 from hilrig.kinds.user_files import code_of, place_of
 
 CHECK_EVERY = 0.01
-"""s between the instants at which a trajectory is checked against the workspace, besides its extremes"""
+"""s between the instants at which a trajectory is checked against the workspace, in addition to its extremes"""
 
 
 class InfeasibleError(Exception):
-    """A trial that cannot be run as planned: `path` leads to what is wrong in the experiment."""
+    """A trial cannot be run as planned; `path` leads to the cause in the experiment."""
 
     def __init__(self, path: Keys, message: str) -> None:
         self.path = path
@@ -63,8 +63,8 @@ def check_disturbances(trial: Trial) -> None:
 def check_workspace(trial: Trial) -> None:
     """Raise InfeasibleError, naming phase, time and place, if the path leaves the workspace or joint limits.
 
-    The path is the references in position axes and the surface, as it moves, in the force axis; it is
-    looked at every 10 ms and at its extremes in every axis. Force references are sampled, too.
+    The path follows the references in position axes and the moving surface in the force axis; it is checked every
+    10 ms and at its extremes in every axis. Force references are sampled as well.
     """
     path = trajectory(trial)
     start = np.array(trial.start_position)
@@ -75,14 +75,14 @@ def check_workspace(trial: Trial) -> None:
         try:
             _check_tick(trial, tick, path[tick])
         except InfeasibleError:
-            # Name the first tick that is out of reach, not the first one looked at.
+            # Report the first tick that is out of reach, not the first one checked.
             for earlier in range(last, tick + 1):
                 _check_tick(trial, earlier, path[earlier])
         last = tick
 
 
 def trajectory(trial: Trial) -> Array:
-    """Return where the tip is meant to be at every tick, (N, m) m."""
+    """Return the planned tip position at every tick, (N, m) m."""
     path = np.tile(np.array(trial.start_position), (trial.ticks, 1))
     for i, axis in enumerate(trial.axes):
         reference = sampled(trial, axis)
@@ -94,7 +94,7 @@ def trajectory(trial: Trial) -> Array:
 
 
 def instants(trial: Trial, path: Array) -> list[int]:
-    """Return the ticks to look at: every 10 ms, and the extremes of every axis in every phase."""
+    """Return the ticks to check: every 10 ms, and the extremes of every axis in every phase."""
     ticks = set(range(0, trial.ticks, max(1, round(CHECK_EVERY / trial.period))))
     for phase in trial.phases:
         start = trial.tick_of(phase.start)
@@ -119,7 +119,7 @@ def _check_point(trial: Trial, position: Array, when: str, path: Keys) -> None:
     lower, upper = robot.joint_limits()
     for joint, (value, low, high) in enumerate(zip(q, lower, upper, strict=True), start=1):
         if not low <= value <= high:
-            limits = f"it moves from {low:.4g} to {high:.4g} rad"
+            limits = f"its range is {low:.4g} to {high:.4g} rad"
             raise InfeasibleError(path, f"{when}: {where} needs joint {joint} at {value:.4g} rad; {limits}")
 
 

@@ -1,4 +1,4 @@
-"""How fast the task lets the tip fly where there is no contact: a bound of the task, whatever the controller."""
+"""How fast the task lets the tip move without contact: a bound of the task, independent of the controller."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class FreeFlight(NamedTuple):
     """The desired motion M_d x'' + B_d x' = F_d of a force-controlled axis without contact."""
 
     speed: float
-    """F_d/B_d, m/s: the largest speed of a start at rest; infinite without damping"""
+    """F_d/B_d, m/s: the largest speed when starting at rest; infinite without damping"""
     time_constant: float
     """M_d/B_d, s"""
 
@@ -35,10 +35,10 @@ def free_flight(force: float, inertia: float, damping: float) -> FreeFlight:
 
 
 def assess_free_flight(trial: Trial, setting: Setting) -> Assessment:
-    """Return the joint speed in free flight along each force-controlled axis, against the limit of safety.
+    """Return the joint speed in free flight along each force-controlled axis, against the safety limit.
 
-    The largest desired force of all phases counts, at the place of the path where the joints are fastest. All trials of
-    an experiment have the same task, so that one of them stands for all.
+    The largest desired force of all phases counts, at the place on the path where the joints are fastest. All trials of
+    an experiment have the same task, so one of them represents all.
     """
     bounds = tuple(_bounds(trial, setting))
     return Assessment(bounds, note=NOTE if bounds else "")
@@ -53,7 +53,7 @@ def _bounds(trial: Trial, setting: Setting) -> Iterator[Bound]:
 
 
 def _bound(trial: Trial, axis: str, rate: float, place: str) -> Bound:
-    """Return the bound of one axis, along which a joint turns by `rate` rad/m at most."""
+    """Return the bound for one axis, along which a joint turns by at most `rate` rad/m."""
     i, forces = trial.axes.index(axis), np.abs(sampled(trial, axis))
     tick = int(forces.argmax())
     phase = next(phase.name for phase in trial.phases if tick < trial.tick_of(phase.end))

@@ -1,4 +1,4 @@
-"""Where a trial's tip is meant to be, and what the robot is like there."""
+"""The planned path of a trial's tip, and the robot's Jacobian and mobility along it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hilrig.experiment.trial import Trial, disturbance_schedule, references
 
 
 def tip_paths(trials: Sequence[Trial]) -> tuple[TipPath, ...]:
-    """Return the paths of the trials that differ, each within reach, of one condition each."""
+    """Return the distinct paths of the trials, one condition each; all must be within reach."""
     different: dict[tuple[bytes, int], Trial] = {}
     for trial in {trial.condition_name: trial for trial in trials}.values():
         different.setdefault((trajectory(trial).tobytes(), _delay(trial)), trial)
@@ -23,7 +23,7 @@ def tip_paths(trials: Sequence[Trial]) -> tuple[TipPath, ...]:
 def mobility(at: Kinematics, dynamic_parameters: Array) -> Array:
     """Return M_t^-1 = J M^-1 J^T (m, m) 1/kg at one place, with M from the regressor and theta (p,).
 
-    It stays finite where J is singular and M_t is not. Raises LinAlgError (a ValueError) if M is singular.
+    It stays finite where J is singular, unlike M_t. Raises LinAlgError (a ValueError) if M is singular.
     """
     n = at.jacobian.shape[1]
     mass = (at.regressor[1 + n :] @ dynamic_parameters).T
@@ -35,7 +35,7 @@ def _delay(trial: Trial) -> int:
 
 
 def _tip_path(trial: Trial, named: bool) -> TipPath:
-    """Return the path of a trial; its condition is `named` where another one has another path."""
+    """Return the path of a trial; the condition is `named` if another one has a different path."""
     robot, path = trial.driver.robot, trajectory(trial)
     theta, still = robot.dynamic_parameters(), np.zeros(robot.joints)
     ticks = instants(trial, path)
@@ -54,7 +54,7 @@ def _tip_path(trial: Trial, named: bool) -> TipPath:
 
 
 def _mobilities(observations: list[Kinematics], theta: Array) -> Array | None:
-    """Return M_t^-1 (K, m, m); None for a robot without a model, or with one whose M cannot be inverted."""
+    """Return M_t^-1 (K, m, m); None for a robot without a model, or whose M cannot be inverted."""
     try:
         return np.array([mobility(at, theta) for at in observations]) if theta.size else None
     except np.linalg.LinAlgError:

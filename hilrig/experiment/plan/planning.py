@@ -19,21 +19,21 @@ from hilrig.experiment.plan.feasibility import (
 from hilrig.experiment.trial import PhaseSpec, TaskSpec, Trial
 from hilrig.kinds.user_files import code_of
 
-if TYPE_CHECKING:  # the rig's processes read trials, and do without YAML
+if TYPE_CHECKING:  # the rig's processes read trials and do not need YAML
     from hilrig.experiment import Experiment
 
 
 def plan(experiment: Experiment) -> tuple[Trial, ...]:
     """Return the trials in the order in which they are run: by repeat, then condition, then controller.
 
-    So an interrupted run has trials that can be compared. Raises ExperimentError, with the place in the file,
-    if the driver lacks software, a reference leaves the robot's workspace, a kind's parameters do not fit the task, or
-    its code fails.
+    With this order an interrupted run has trials that can be compared. Raises ExperimentError, with the place in the
+    file, if the driver lacks software, a reference leaves the robot's workspace, a kind's parameters do not fit the
+    task, or its code fails.
     """
     try:
         with code_of():
             return _checked(experiment)
-    except PluginError as error:  # controllers, references and disturbances have been told of by name
+    except PluginError as error:  # problems of controllers, references and disturbances were already reported by name
         raise ExperimentError([Problem(experiment.place("driver"), str(error))]) from error
 
 
@@ -106,7 +106,7 @@ def phase_specs(experiment: Experiment) -> tuple[PhaseSpec, ...]:
 
 
 def start_position(experiment: Experiment, trial: Trial) -> tuple[float, ...]:
-    """Return where the tip starts, (m,) m: as told, else on the reference or the surface.
+    """Return where the tip starts, (m,) m: as given, else on the reference or the surface.
 
     Raises InfeasibleError.
     """
@@ -126,7 +126,7 @@ def _start_on(experiment: Experiment, trial: Trial, axis: str) -> float:
 
 
 def _misfits(trials: list[Trial]) -> Iterator[InfeasibleError]:
-    """Yield what is wrong with the trials of one repeat, each thing that they share looked at once."""
+    """Yield what is wrong with the trials of one repeat; what they share is checked once."""
     conditions = {trial.condition_name: trial for trial in trials}
     controllers = {trial.controller_name: trial for trial in trials}
     checks = [
@@ -142,5 +142,5 @@ def _misfits(trials: list[Trial]) -> Iterator[InfeasibleError]:
             except InfeasibleError as misfit:
                 found = True
                 yield misfit
-        if found:  # what comes after needs what was checked
+        if found:  # the following checks rely on this one
             return

@@ -1,4 +1,4 @@
-"""What the references of an experiment warn of, with the place in its file."""
+"""The warnings of an experiment's references, with their place in its file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an experiment should be warned of: each bound that it does not keep, with the place in its file."""
+"""The warnings for an experiment: each bound that it does not keep, with the place in its file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def warnings(experiment: Experiment, found: PlanAssessment) -> list[Problem]:
-    """Return a warning for every bound that should be kept and is not, and for what cannot be judged.
+    """Return a warning for every bound that should be kept but is not, and for what cannot be judged.
 
     The experiment runs anyway.
     """
@@ -25,7 +25,7 @@ def warnings(experiment: Experiment, found: PlanAssessment) -> list[Problem]:
 
 
 def _of_controllers(found: PlanAssessment) -> Iterator[tuple[Keys, str]]:
-    """Yield each warning once, at the first of the controllers that it is for."""
+    """Yield each warning once, at the first controller it applies to."""
     names: dict[tuple[Keys, str], list[str]] = {}
     for name, assessment in found.controllers.items():
         for warning in _of_one(assessment):

@@ -1,4 +1,4 @@
-"""From plain data to checked dataclasses, by what their fields are annotated with; what a file may hold, described."""
+"""From plain data to checked dataclasses, by the annotations of their fields; descriptions of what a file may hold."""
 
 from hilrig.experiment.schema.description import ParameterRow as ParameterRow
 from hilrig.experiment.schema.description import describe_kind as describe_kind

@@ -1,4 +1,4 @@
-"""What a file may hold: rows for people, JSON Schema for editors."""
+"""What a file may contain: rows for users, JSON Schema for editors."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ class ParameterRow(NamedTuple):
     """One parameter of a kind."""
 
     name: str
-    """With dots for the parts of a nested one, as in "surface.stiffness\""""
+    """With dots for nested parameters, as in "surface.stiffness\""""
     unit: str
     default: str
-    """As one would write it; "required" if there is none"""
+    """As written in a file; "required" if there is none"""
     low: float
     high: float
     scale: str
@@ -26,7 +26,7 @@ class ParameterRow(NamedTuple):
 
 
 def describe_kind(group: str, kind: str) -> tuple[ParameterRow, ...]:
-    """Return the parameters of a kind, nested ones too. Raises PluginError if there is no such kind."""
+    """Return the parameters of a kind, including nested ones. Raises PluginError if there is no such kind."""
     return tuple(_rows(plugins.load_kind(group, kind), ""))
 
 
@@ -67,5 +67,5 @@ def _written(value: Any) -> str:
 
 
 def json_schema(cls: type) -> dict[str, Any]:
-    """Return the JSON Schema of the mappings that `read` turns into a `cls`, with every kind there is."""
+    """Return the JSON Schema of the mappings that `read_record` turns into a `cls`, with every known kind."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **record_schema(cls)}

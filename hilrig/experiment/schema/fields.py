@@ -1,4 +1,4 @@
-"""The fields of a dataclass that a file may set, and the object made of them."""
+"""The fields of a dataclass that a file may set, and the object made from them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _which_annotation(cls: type, error: Exception) -> str:
 
 
 def made(cls: type, values: dict[str, Any]) -> Any:
-    """Return `cls` with these values and the defaults of the rest, both in Python's own types. Raises PluginError."""
+    """Return a `cls` with these values and defaults for the rest, both in built-in types. Raises PluginError."""
     with code_of(cls):
         absent = [field for field in dataclasses.fields(cls) if field.init and field.name not in values]
         return cls(**values, **{field.name: default(field) for field in absent if not is_required(field)})
@@ -60,5 +60,5 @@ def is_required(field: dataclasses.Field[Any]) -> bool:
 
 
 def bare(annotation: Any) -> Any:
-    """Return an annotation without its notes."""
+    """Return an annotation without its Annotated metadata."""
     return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation

@@ -14,7 +14,7 @@ from hilrig.experiment.schema.values import NumericForm, number_schema, read_num
 
 
 def number_reader(form: NumericForm, parameter: Parameter) -> Reader:
-    """Return the reader of numbers of a form, with unit and bounds."""
+    """Return the reader for numbers of this form, with unit and bounds."""
 
     def number(value: Any, context: Context) -> Any:
         unit = (context.unit or "m") if parameter.unit == "m|N" else parameter.unit
@@ -27,7 +27,7 @@ def number_reader(form: NumericForm, parameter: Parameter) -> Reader:
 
 
 def choice_reader(choices: tuple[Any, ...]) -> Reader:
-    """Return the reader of one of several values."""
+    """Return the reader for one of several values."""
 
     def choice(value: Any, context: Context) -> Any:
         if any(value == item and type(value) is type(item) for item in choices):
@@ -39,8 +39,8 @@ def choice_reader(choices: tuple[Any, ...]) -> Reader:
 
 
 def plain_reader(wanted: type) -> Reader:
-    """Return the reader of a bool or a str."""
-    name, schema = ("true or false", "boolean") if wanted is bool else ("a text; put it in quotes", "string")
+    """Return the reader for a bool or a str."""
+    name, schema = ("true or false", "boolean") if wanted is bool else ("text; put it in quotes", "string")
 
     def plain(value: Any, context: Context) -> Any:
         if not isinstance(value, wanted):
@@ -51,7 +51,7 @@ def plain_reader(wanted: type) -> Reader:
 
 
 def list_reader(inner: Reader) -> Reader:
-    """Return the reader of a list of any length."""
+    """Return the reader for a list of any length."""
     return Reader(
         lambda value, context: tuple(_each(enumerate(_list(value)), inner.read, context).values()),
         lambda: {"type": "array", "items": inner.schema()},
@@ -59,7 +59,7 @@ def list_reader(inner: Reader) -> Reader:
 
 
 def fixed_list_reader(inner: tuple[Reader, ...]) -> Reader:
-    """Return the reader of a list with one item for each of these readers."""
+    """Return the reader for a list with one item for each of these readers."""
 
     def items(value: Any, context: Context) -> tuple[Any, ...]:
         if len(_list(value)) != len(inner):
@@ -76,12 +76,12 @@ def fixed_list_reader(inner: tuple[Reader, ...]) -> Reader:
 
 def _list(value: Any) -> list[Any]:
     if not isinstance(value, list):
-        raise invalid(f"{shown(value)} is not a list; write [...], or one '- ' a line")
+        raise invalid(f"{shown(value)} is not a list; write [...], or one '- ' per line")
     return value
 
 
 def mapping_reader(inner: Reader) -> Reader:
-    """Return the reader of a mapping from names to values."""
+    """Return the reader for a mapping from names to values."""
 
     def mapping(value: Any, context: Context) -> dict[str, Any]:
         if not isinstance(value, dict):
@@ -92,7 +92,7 @@ def mapping_reader(inner: Reader) -> Reader:
 
 
 def optional_reader(inner: Reader) -> Reader:
-    """Return the reader of what `inner` reads, or of nothing."""
+    """Return the reader for what `inner` reads, or null."""
     return Reader(
         lambda value, context: None if value is None else inner.read(value, context),
         lambda: {"anyOf": [inner.schema(), {"type": "null"}]},
@@ -100,7 +100,7 @@ def optional_reader(inner: Reader) -> Reader:
 
 
 def _each(items: Any, read: Callable[[Any, Context], Any], context: Context) -> dict[Any, Any]:
-    """Return what `read` makes of each item; all that is wrong with any of them is raised together."""
+    """Return what `read` returns for each item; the problems of all items are raised together."""
     result: dict[Any, Any] = {}
     findings: list[SchemaFinding] = []
     for key, item in items:

@@ -1,7 +1,7 @@
-"""Data in, dataclasses out, by the annotations of their fields.
+"""Turns data into dataclasses, by the annotations of their fields.
 
-Kinds and the parts of an experiment are plain frozen dataclasses. A mapping of the file has no keys but their fields,
-quantities may carry units, and every value keeps the bounds of its `Parameter`.
+Kinds and the parts of an experiment are plain frozen dataclasses. A mapping in the file has no keys other than their
+fields, quantities may have units, and every value must be within the bounds of its `Parameter`.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ from hilrig.kinds import registry as plugins
 from hilrig.kinds.user_files import code_of, place_of, read_bytes
 
 PARAMETER_TYPES = "float, int, bool, str, Literal, these or None, tuple, Mapping, a frozen dataclass, or a kind"
-"""What a parameter may be annotated with"""
+"""Annotations that a parameter may have"""
 
 
 def read_record(cls: type, data: Any, context: Context) -> Any:
-    """Return an instance of the dataclass `cls` made from `data`. Raises InvalidError with all that is wrong."""
+    """Return an instance of the dataclass `cls` made from `data`. Raises InvalidError with all problems."""
     readers = readers_of(cls)
     if not isinstance(data, dict):
         raise invalid(f"{shown(data)} is not a mapping; this needs one with {', '.join(readers)}")
@@ -78,25 +78,25 @@ def read_record(cls: type, data: Any, context: Context) -> Any:
 
 def _refused_key(key: str, known: tuple[str, ...]) -> str:
     if unicodedata.normalize("NFKC", key) in known:
-        return f"the key '{key}' is here twice, in two spellings"
+        return f"the key '{key}' appears twice, in two spellings"
     return f"unknown key '{key}'{nearest(key, known)}" + (f" (allowed: {', '.join(known)})" if known else "")
 
 
 @cache
 def readers_of(cls: type) -> dict[str, Reader]:
-    """Return how each field of a dataclass is read. Raises PluginError for one of a type that no file can give."""
+    """Return the reader of each field of a dataclass. Raises PluginError for a type that cannot come from a file."""
     found: dict[str, Reader] = {}
     for field, annotation, parameter in settable(cls):
         try:
             found[field.name] = _reader(annotation, parameter)
         except TypeError as error:
-            message = f"no file can give the parameter '{field.name}' its type, {error}; use {PARAMETER_TYPES}"
+            message = f"the type of parameter '{field.name}' cannot come from a file: {error}; use {PARAMETER_TYPES}"
             raise PluginError(f"{place_of(cls, field.name)}: {message}") from error
     return found
 
 
 def _reader(annotation: Any, parameter: Parameter) -> Reader:
-    """Return what reads a value of this annotation. Raises TypeError for a type that no file can give."""
+    """Return the reader for a value with this annotation. Raises TypeError for a type that cannot come from a file."""
     by_axis = next((note for note in getattr(annotation, "__metadata__", ()) if isinstance(note, ByAxis)), None)
     if by_axis is not None:
         return _by_axis_reader(by_axis.unit)
@@ -166,7 +166,7 @@ def _read_kind(group: str, allowed: type | None, data: Any, context: Context) ->
 
 
 def _check_record(group: str, kind: Any) -> None:
-    """Raise PluginError unless the processes of a trial, which read it from a file, get the kind as it is here."""
+    """Raise PluginError unless the processes of a trial, which read the kind from a file, get the same kind."""
     cls = type(kind)
     for field in dataclasses.fields(kind):
         try:
@@ -178,12 +178,12 @@ def _check_record(group: str, kind: Any) -> None:
     for name, value in document.items():
         if again[name] != value:
             before, after = shortened(repr(value)), shortened(repr(again[name]))
-            message = f"the parameter '{name}' is {before} here and would be {after} in the processes of a trial"
+            message = f"the parameter '{name}' is {before} here but would be {after} in the processes of a trial"
             raise PluginError(f"{place_of(cls, name)}: {message}; __post_init__ must not change a value twice")
 
 
 def _filled(kind: Any, base: Path) -> Any:
-    """Return a kind that takes its data from a file, with these data."""
+    """Return a kind that takes its data from a file, with these data filled in."""
     field = type(kind).reads
     try:
         with code_of(kind):
@@ -201,7 +201,7 @@ def _text(path: Path) -> str:
 
 
 def record_schema(cls: type) -> dict[str, Any]:
-    """Return the JSON Schema of the mappings that `read` turns into a `cls`."""
+    """Return the JSON Schema of the mappings that `read_record` turns into a `cls`."""
     readers, properties, required = readers_of(cls), {}, []
     for field, _, parameter in settable(cls):
         described = {"description": parameter.meaning} if parameter.meaning else {}
@@ -216,7 +216,7 @@ def _kinds_schema(group: str, allowed: type | None) -> dict[str, Any]:
     for kind in plugins.kind_names(group):
         try:
             cls = plugins.load_kind(group, kind)
-        except PluginError:  # an optional package is missing; its kinds cannot be used either
+        except PluginError:  # an optional package is missing, so its kinds cannot be used
             continue
         if allowed is None or issubclass(cls, allowed):
             choices.append(_kind_schema({"const": kind}, record_schema(cls), cls.__doc__ or ""))

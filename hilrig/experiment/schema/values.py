@@ -1,4 +1,4 @@
-"""Numbers as parameters take them: one or several, with unit and bounds."""
+"""Numeric parameter values: one or several, with unit and bounds."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from hilrig.core.parameters import Parameter
 from hilrig.core.quantities import described, quantity, shown
 
 LARGEST = 2**63 - 1
-"""Of whole numbers: compiled code and ROS 2 messages have 64 bits for them"""
+"""Largest whole number: compiled code and ROS 2 messages use 64 bits"""
 
 
 class NumericForm(NamedTuple):
-    """How many numbers a parameter takes, and which."""
+    """How many numbers a parameter takes, and of which type."""
 
     single: bool
-    """One number will do"""
+    """A single number is accepted"""
     several: bool
-    """A list will do"""
+    """A list is accepted"""
     length: int | None
-    """Of the list; None for any"""
+    """Length of the list; None for any"""
     whole: bool
     """Whole numbers only"""
     optional: bool
-    """`null` will do"""
+    """`null` is accepted"""
 
 
 def numeric_form(annotation: Any) -> NumericForm | None:
@@ -60,7 +60,7 @@ def _either(forms: list[NumericForm]) -> NumericForm:
 def read_number(value: Any, form: NumericForm, parameter: Parameter) -> Any:
     """Return `value` as a float, int, tuple or None.
 
-    Raises ValueError naming the value, and what is allowed.
+    Raises ValueError, naming the value and what is allowed.
     """
     if value is None and form.optional:
         return None
@@ -87,7 +87,7 @@ def _one(value: Any, form: NumericForm, parameter: Parameter) -> float | int:
     else:
         number, low, high = quantity(value, parameter.unit), parameter.low, parameter.high
     for bound in (low, high):
-        # "135 deg" is one rounding away from a bound that was worked out as 3 / 4 * pi.
+        # "135 deg" differs by one rounding from a bound that was computed as 3 / 4 * pi.
         if isinstance(number, float) and math.isclose(number, bound, rel_tol=1e-15):
             number = float(bound)
     if not low <= number <= high:
@@ -103,7 +103,7 @@ def _described(form: NumericForm, parameter: Parameter) -> str:
 
 
 def bounds_text(parameter: Parameter) -> str:
-    """Return the bounds as people read them, such as "from 0 to 10 m"; empty if there are none."""
+    """Return the bounds in words, such as "from 0 to 10 m"; empty if there are none."""
     unit = f" {parameter.unit}" if parameter.unit else ""
     low, high = parameter.low, parameter.high
     if abs(low) < float("inf") and abs(high) < float("inf"):

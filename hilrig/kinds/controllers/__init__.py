@@ -1,1 +1,1 @@
-"""Control laws, one kind a file."""
+"""Control laws, one kind per file."""

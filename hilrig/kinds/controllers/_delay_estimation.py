@@ -1,6 +1,6 @@
-"""What theory says of a law with time delay estimation: delay bound (24), window of Mhat and condition (9), in words.
+"""The bounds of a law with time delay estimation, in words: delay bound (24), window of Mhat and condition (9).
 
-docs/bounds.md has the equations, and what was measured on both sides of each bound.
+docs/bounds.md has the equations, and the measurements on both sides of each bound.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from hilrig.kinds.controllers._inertia_window import (
 )
 
 NOTE = (
-    "(24) is sufficient in the paper's proof, not necessary: a loop over it may work. The form with kappa follows from "
-    "the paper's own inequalities, and the proof asks for some kappa: the best one counts. (9) is neither necessary "
-    "nor sufficient for stability. What decides is the window of Mhat: above its upper edge the estimation loop is "
-    "unstable, below its lower edge limit cycles were found."
+    "(24) is sufficient in the paper's proof, not necessary: a loop that exceeds it may work. The form with kappa "
+    "follows from the paper's own inequalities, and the proof needs only one kappa, so the best one counts. (9) is "
+    "neither necessary nor sufficient for stability. The window of Mhat decides: above its upper edge the estimation "
+    "loop is unstable, below its lower edge limit cycles were found."
 )
 
 
 class Estimation(NamedTuple):
-    """The numbers of a law with time delay estimation on which its bounds depend, one for each of m axes."""
+    """The parameters of a law with time delay estimation that its bounds depend on, one for each of m axes."""
 
     inertia_estimate: Array
     """Mhat, (m,) kg"""
@@ -56,7 +56,7 @@ def assess_delay_estimation(
     """Return the bounds of tau = J^T [Mhat (a_d + k_d e' + k_p e) + J^-T tau_l - Mhat x''_l] in this setting.
 
     Mhat = `inertia_estimate` (kg), k_p = `position_gain` (1/s^2), k_d = `velocity_gain` (1/s), each once or per axis.
-    Raises ValueError, naming it, if one does not fit the axes, or if Mhat is not above 0.
+    Raises ValueError, naming the parameter, if one does not fit the axes, or if Mhat is not above 0.
     """
     axes = len(setting.task.axes)
     law = Estimation(
@@ -82,10 +82,10 @@ def assess_delay_estimation(
 def _delay_bounds(dynamics: ErrorDynamics, setting: Setting) -> Iterator[Bound]:
     """Yield the delay against (24): as printed and as derived with the paper's kappa, and with the best kappa.
 
-    The proof asks for some kappa, so that only the best one decides whether it covers the loop.
+    The proof needs only one kappa, so only the best one decides whether it covers the loop.
     """
     slowest = max(setting.paths, key=lambda path: path.delay)
-    # Without extra samples the estimate still is one period old.
+    # Even without extra samples the estimate is one period old.
     delay = max(slowest.delay, 1) * setting.task.period
     condition = f"condition '{slowest.condition}'" if len({path.delay for path in setting.paths}) > 1 else ""
     bound = partial(Bound, value=delay, must="below", unit="s", where=condition, recorded_as="command_age")
@@ -100,7 +100,7 @@ def _delay_bounds(dynamics: ErrorDynamics, setting: Setting) -> Iterator[Bound]:
 
 
 def _window(law: Estimation, setting: Setting, mobilities: list[Array]) -> Iterator[Bound]:
-    """Yield Mhat against both edges of its window; where Mhat differs between axes, as a factor on what was given."""
+    """Yield Mhat against both edges of its window; if Mhat differs between axes, as a factor on the given values."""
     estimate = law.inertia_estimate
     value, unit = (float(estimate[0]), "kg") if np.ptp(estimate) == 0 else (1.0, "x Mhat")
     bound = partial(Bound, value=value, unit=unit, about=("inertia_estimate",))
@@ -157,7 +157,7 @@ def _too_large(value: float, edge: float, unit: str, place: str) -> str:
 
 
 def _estimate(value: float, edge: float, unit: str, side: str, size: str) -> str:
-    """Return "Mhat = 0.5 kg is above 0.36 kg"; where Mhat differs between axes, the factor by which it is off."""
+    """Return "Mhat = 0.5 kg is above 0.36 kg"; if Mhat differs between axes, the factor by which it is off."""
     if unit == "kg":
         return f"Mhat = {value:.3g} kg is {side} {edge:.3g} kg"
     return f"Mhat is too {size}, by a factor of {max(value / edge, edge / value):.3g}"

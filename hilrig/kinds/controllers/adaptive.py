@@ -29,10 +29,10 @@ class Adaptive:
     rate: Annotated[float, Parameter("", "gamma, in SI units of theta", 0.0, 1e6, "log")] = 1.0
 
     def start(self, task: Task, state: State) -> Law:
-        """Return the law, its filter at the measured state. Raises ValueError if the robot has no model."""
+        """Return the law, with its filter at the measured state. Raises ValueError if the robot has no model."""
         p = state.regressor.shape[2]
         if p == 0:
-            raise ValueError("needs the robot's regressor, and this robot has no model")
+            raise ValueError("needs the robot's regressor, but this robot has no model")
         m = len(task.axes)
         constants = Constants(task.impedance, self.slope, per_axis(self.gain, m, "gain"), self.rate)
         memory = Memory(state.position.copy(), state.velocity.copy(), np.zeros(m), np.zeros(m), np.zeros(p))
@@ -40,7 +40,7 @@ class Adaptive:
 
 
 class Constants(NamedTuple):
-    """What does not change during a trial."""
+    """Constants of a trial."""
 
     impedance: Impedance
     slope: float
@@ -49,7 +49,7 @@ class Constants(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What the law remembers, all of it recorded."""
+    """The law's state between ticks, all of it recorded."""
 
     filter_position: Array
     """p_d, (m,) m"""
@@ -65,13 +65,13 @@ class Memory(NamedTuple):
 
 @kernel
 def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Array:
-    """Return the joint torque (n,) N m and move `memory` on by one period."""
+    """Return the joint torque (n,) N m and advance `memory` by one period."""
     a_d = advance_filter(c.impedance, state.elapsed, memory.filter_position, memory.filter_velocity, state, reference)
     e, s, v, a = sliding_reference(c.slope, a_d, memory.filter_position, memory.filter_velocity, state)
     y = regressor_matrix(state.regressor, v, a)
     joint_error = solve(state.jacobian, s)
-    # `[:] =` writes into the arrays that are recorded; the fields of a NamedTuple cannot be bound to other arrays.
-    # numba gives np.dot to BLAS, which is fast on contiguous matrices only; Y^T is a view that is not.
+    # `[:] =` writes into the recorded arrays; the fields of a NamedTuple cannot be rebound.
+    # numba passes np.dot to BLAS, which is fast on contiguous matrices only; the view Y^T is not contiguous.
     memory.parameter_estimate[:] += state.elapsed * c.rate * np.dot(np.ascontiguousarray(y.T), joint_error)
     memory.tracking_error[:] = e
     memory.sliding_variable[:] = s

@@ -18,12 +18,12 @@ from hilrig.kinds.impedance import advance_filter, joint_torque, model_torque
 class Pd:
     """tau = tau_g + J^T f, a textbook hybrid PD with gravity compensation.
 
-    target = filter:  f = K e + D e',  e = p_d - x, e' = v_d - x', with p_d, v_d of the impedance filter (m,)
+    target = filter:  f = K e + D e',  e = p_d - x, e' = v_d - x', with p_d, v_d from the impedance filter (m,)
     target = direct:  f = Sigma [K (x_d - x) + D (x_d' - x')] + (I - Sigma) [F_d + K_f (F_d - F_e) - D x']
 
-    gravity = model:  tau_g = G(q) of the nominal robot (a textbook PD's only model knowledge)
-    gravity = start:  tau_g = what holds the arm where the trial begins, less the contact's share J^T F_e, kept constant
-                      (no model at all)
+    gravity = model:  tau_g = G(q) of the nominal robot (the only model knowledge of a textbook PD)
+    gravity = start:  tau_g = the torque that holds the arm where the trial begins, less the contact's share J^T F_e,
+                      kept constant (no model at all)
 
     Source: Takegaki and Arimoto 1981 (PD with gravity compensation); Raibert and Craig 1981 (hybrid control).
     """
@@ -35,7 +35,7 @@ class Pd:
     gravity: Literal["model", "start"] = "model"
 
     def start(self, task: Task, state: State) -> Law:
-        """Return the law, its filter at the measured state."""
+        """Return the law, with its filter at the measured state."""
         m = len(task.axes)
         nominal = task.dynamic_parameters.copy()
         constants = Constants(
@@ -48,7 +48,7 @@ class Pd:
 
 
 class Constants(NamedTuple):
-    """What does not change during a trial."""
+    """Constants of a trial."""
 
     impedance: Impedance
     stiffness: Array
@@ -61,7 +61,7 @@ class Constants(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What the law remembers, all of it recorded."""
+    """The law's state between ticks, all of it recorded."""
 
     filter_position: Array
     """p_d, (m,) m"""
@@ -75,10 +75,10 @@ class Memory(NamedTuple):
 
 @kernel
 def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Array:
-    """Return the joint torque (n,) N m and move `memory` on by one period."""
+    """Return the joint torque (n,) N m and advance `memory` by one period."""
     sigma = c.impedance.sigma
     advance_filter(c.impedance, state.elapsed, memory.filter_position, memory.filter_velocity, state, reference)
-    # `[:] =` writes into the array that is recorded; the fields of a NamedTuple cannot be bound to other arrays.
+    # `[:] =` writes into the recorded array; the fields of a NamedTuple cannot be rebound.
     memory.tracking_error[:] = memory.filter_position - state.position
     if c.direct:
         move = c.stiffness * (reference.position - state.position)

@@ -19,15 +19,15 @@ from hilrig.kinds.impedance import eliminate, move_filter
 class TdeSlidingMode:
     """tau = J^T [Mhat u + S_hat],  u = a_d + k_d e' + k_p e + k_r (alpha_1 + alpha_2 + alpha_3) tanh(xi / mu)
 
-    e = p_d - x, e' = v_d - x' (m,), with a_d, v_d, p_d of the impedance filter;
+    e = p_d - x, e' = v_d - x' (m,), with a_d, v_d, p_d from the impedance filter;
     xi = p12 e + p22 e' from A^T P + P A = -I: p12 = 1/(2 k_p), p22 = (1 + 1/k_p)/(2 k_d);
     S_hat = J^-T tau_l - Mhat x''_l, torque and measured acceleration one period ago (time delay estimation);
     alpha_1' = k_1 |xi| while it is at or below its floor, or xi moves outward and alpha_2, alpha_3 are above theirs;
-    alpha_1' = -k_2 |xi| otherwise, to zero at least; alpha_2' = -1/alpha_2, alpha_3' = -|xi|/alpha_3, to their floors.
+    alpha_1' = -k_2 |xi| otherwise, at least zero; alpha_2' = -1/alpha_2, alpha_3' = -|xi|/alpha_3, down to the floors.
 
-    The paper does not say where S_hat starts: from the torque that holds the arm, or from zero with preload = false.
+    The paper does not say where S_hat starts: here from the torque that holds the arm; from zero with preload = false.
 
-    Source: paper eqs. (8), (10), (11), (15), read so that they are stable; docs/paper.md lists what is misprinted.
+    Source: paper eqs. (8), (10), (11), (15), read so that they are stable; docs/paper.md lists the misprints.
     """
 
     inertia_estimate: Annotated[PerAxis, Parameter("kg", "Mhat, diagonal", 1e-5, 1e3, "log")] = 0.03
@@ -68,7 +68,7 @@ class TdeSlidingMode:
 
     def assess(self, setting: Setting) -> Assessment:
         """Return the paper's delay bound (24), the window of Mhat and condition (9)."""
-        # Here, since it imports scipy: the processes of the rig start without it.
+        # Imported here because it imports scipy, which the rig's processes start without.
         from hilrig.kinds.controllers._delay_estimation import assess_delay_estimation
 
         return assess_delay_estimation(setting, self.inertia_estimate, self.position_gain, self.velocity_gain)
@@ -80,7 +80,7 @@ class TdeSlidingMode:
 
 
 class Constants(NamedTuple):
-    """What does not change during a trial."""
+    """Constants of a trial."""
 
     impedance: Impedance
     inertia_estimate: Array
@@ -96,7 +96,7 @@ class Constants(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What the law remembers, all of it recorded."""
+    """The law's state between ticks, all of it recorded."""
 
     filter_position: Array
     """p_d, (m,) m"""
@@ -119,17 +119,17 @@ class Memory(NamedTuple):
     desired_acceleration: Array
     """a_d, (m,) m/s^2"""
     torque_share: Array
-    """Share of the last torque that S_hat takes: 0 at the first tick without preload, else 1, (1,)"""
+    """Share of the last torque that S_hat uses: 0 at the first tick without preload, else 1, (1,)"""
 
 
 @kernel
 def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Array:
-    """Return the joint torque (n,) N m and move `memory` on by one period."""
-    # The only two arrays of a tick are made here, so that the kernels below can do without numba's reference counting.
-    # J^T is copied because `eliminate` destroys its matrix.
+    """Return the joint torque (n,) N m and advance `memory` by one period."""
+    # The only two arrays of a tick are created here, so the kernels below need no reference counting by numba.
+    # J^T is copied because `eliminate` overwrites its matrix.
     torque = np.zeros(state.torque.size)
     estimate(c, memory, state, state.jacobian.T.copy())
-    # Before the filter moves on: the estimate as printed takes a_d of the last tick.
+    # Before the filter advances: the estimate as printed uses a_d of the last tick.
     move_filter(
         c.impedance, state.elapsed, memory.filter_position, memory.filter_velocity, state, reference,
         memory.desired_acceleration,
@@ -141,8 +141,8 @@ def step(c: Constants, memory: Memory, state: State, reference: Reference) -> Ar
 
 @kernel_without_arrays
 def estimate(c: Constants, memory: Memory, state: State, lever: Array) -> None:
-    """Set S_hat (m,) N, eq. (11), in `memory`, which has x' and a_d of the last tick. `lever` is J^T, used up."""
-    # J^T f = tau is solved in place: `memory.estimate` is the right-hand side first and f afterwards (n = m).
+    """Set S_hat (m,) N, eq. (11), in `memory`, which has x' and a_d of the last tick. `lever` is J^T; overwritten."""
+    # J^T f = tau is solved in place: `memory.estimate` is first the right-hand side, then f (n = m).
     for i in range(memory.estimate.size):
         memory.estimate[i] = memory.torque_share[0] * state.torque[i]
     eliminate(lever, memory.estimate)
@@ -154,16 +154,16 @@ def estimate(c: Constants, memory: Memory, state: State, lever: Array) -> None:
 
 @kernel_without_arrays
 def last_acceleration(memory: Memory, state: State, i: int) -> float:
-    """Return x'' of axis `i` over the period that has just passed, m/s^2."""
-    # This, `adapt` and `switching` are functions so that experiments/paper/law_as_printed.py can put a misprint in
-    # their place. They are inlined and cost no call.
+    """Return x'' of axis `i` over the last period, m/s^2."""
+    # This, `adapt` and `switching` are functions so that experiments/paper/law_as_printed.py can replace them with a
+    # misprint. They are inlined and cost no call.
     return (state.velocity[i] - memory.last_velocity[i]) / state.elapsed
 
 
 @kernel_without_arrays
 def slide(c: Constants, memory: Memory, state: State) -> None:
     """Set e and xi in `memory`, which has xi of the last tick, and adapt the gains."""
-    # xi of the last tick lies in the same array: it is read before the new one is written over it.
+    # xi of the last tick is in the same array: it is read before the new value overwrites it.
     square, turn = 0.0, 0.0
     for i in range(state.position.size):
         e = memory.filter_position[i] - state.position[i]
@@ -176,9 +176,9 @@ def slide(c: Constants, memory: Memory, state: State) -> None:
 
 @kernel_without_arrays
 def adapt(c: Constants, memory: Memory, elapsed: float, size: float, outward: bool) -> None:
-    """Move alpha on by `elapsed` (s), eq. (15), in place; `size` is |xi|, `outward` whether it grows."""
+    """Advance alpha by `elapsed` (s), eq. (15), in place; `size` is |xi|, `outward` whether it grows."""
     floor = c.gains_floor
-    # The cases of alpha_1 depend on alpha_2 and alpha_3 before they move on.
+    # The cases of alpha_1 depend on alpha_2 and alpha_3 before they are updated.
     alpha_1, alpha_2, alpha_3 = memory.alpha_1[0], memory.alpha_2[0], memory.alpha_3[0]
     above_2, above_3 = alpha_2 > floor[1], alpha_3 > floor[2]
     if alpha_1 <= floor[0] or (outward and above_2 and above_3):
@@ -201,7 +201,7 @@ def press(c: Constants, memory: Memory, state: State, torque: Array) -> None:
         u += c.velocity_gain * (memory.filter_velocity[i] - state.velocity[i])
         u += c.position_gain * memory.tracking_error[i]
         force = c.inertia_estimate[i] * u + memory.estimate[i]
-        # J^T f by hand: np.dot would allocate, and a call to BLAS costs more than these few products.
+        # J^T f in a loop: np.dot would allocate, and a BLAS call costs more than these few products.
         for j in range(torque.size):
             torque[j] += state.jacobian[i, j] * force
 

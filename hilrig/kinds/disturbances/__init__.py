@@ -1,1 +1,1 @@
-"""Disturbances: what a condition adds to the plant and to what is measured of it."""
+"""Disturbances: what a condition adds to the plant and its measurements."""

@@ -1,4 +1,4 @@
-"""At which ticks a fault happens, and for how long: shared by the kinds that are faults."""
+"""The ticks at which a fault happens, and for how long: shared by the kinds that are faults."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from hilrig.kinds.disturbances._window import TOLERANCE, window
 
 Ticks = NDArray[np.int64]
 Duration = float | tuple[float, ...]
-"""One time for all, or [least, most]: each is drawn between the two, uniformly"""
+"""One time for all, or [least, most]: each is drawn uniformly between the two"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Occasions:
-    """At given times; at `count` random ticks; at each tick with some `probability`; or at every tick `within`."""
+    """At given times, at `count` random ticks, at each tick with `probability`, or at every tick of `within`."""
 
-    at: Annotated[float | tuple[float, ...] | None, Parameter("s", "when; a time, or a list of times", 0.0)] = None
-    count: Annotated[int | None, Parameter("", "at so many random ticks", 1, 5_000_000)] = None
+    at: Annotated[float | tuple[float, ...] | None, Parameter("s", "when: one time, or a list of times", 0.0)] = None
+    count: Annotated[int | None, Parameter("", "number of random ticks", 1, 5_000_000)] = None
     probability: Annotated[float | None, Parameter("", "at each tick with this probability", 0.0, 1.0)] = None
     within: Annotated[
-        tuple[float, float] | None, Parameter("s", "not before the first time, nor from the second on", 0.0)
+        tuple[float, float] | None, Parameter("s", "only from the first time until before the second", 0.0)
     ] = None
-    distance: Annotated[float | None, Parameter("s", "least time between two of 'count'", 0.0)] = None
+    distance: Annotated[float | None, Parameter("s", "shortest time between two of 'count'", 0.0)] = None
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless it is said in one way at which ticks."""
+        """Raise ValueError unless the ticks are given in exactly one way."""
         ways = [name for name in ("at", "count", "probability") if getattr(self, name) is not None]
         if len(ways) > 1:
             raise ValueError(f"'{ways[0]}' and '{ways[1]}' are two ways to say when; give one")
@@ -42,7 +42,7 @@ class Occasions:
             raise ValueError("'distance' is for 'count'")
 
     def ticks(self, time: Array, random: np.random.Generator) -> Ticks:
-        """Return the ticks, ascending. Raises ValueError if they are not within the trial, or do not fit into it."""
+        """Return the ticks, ascending. Raises ValueError if they are outside the trial, or do not fit into it."""
         if self.at is not None:
             return _ticks_at(np.atleast_1d(np.array(self.at)), time)
         inside = self._inside(time)
@@ -61,7 +61,7 @@ class Occasions:
             raise ValueError(f"within: it would end ({end:g} s) before it begins ({begin:g} s)")
         found = np.flatnonzero(window(time, begin, end))
         if found.size == 0:
-            raise ValueError(f"within: [{begin:g} s, {end:g} s] holds no tick; the last one is at {time[-1]:g} s")
+            raise ValueError(f"within: [{begin:g} s, {end:g} s] contains no tick; the last one is at {time[-1]:g} s")
         return found
 
 
@@ -76,10 +76,10 @@ def _ticks_at(times: Array, time: Array) -> Ticks:
 
 
 def spread(count: int, size: int, spacing: int, random: np.random.Generator) -> Ticks:
-    """Return `count` of the whole numbers below `size`, ascending, neighbours `spacing` apart or more.
+    """Return `count` whole numbers below `size`, ascending, with neighbours at least `spacing` apart.
 
-    Every such choice is equally likely: it is a choice of `count` numbers below size - (count - 1) (spacing - 1), with
-    the gaps put back. Raises ValueError if they do not fit.
+    Every such choice is equally likely: `count` numbers below size - (count - 1) (spacing - 1) are drawn, and the gaps
+    are added back. Raises ValueError if they do not fit.
     """
     room = size - (count - 1) * (spacing - 1)
     if room < count:
@@ -90,9 +90,9 @@ def spread(count: int, size: int, spacing: int, random: np.random.Generator) -> 
 
 
 def check_duration(duration: Duration) -> None:
-    """Raise ValueError unless it is one time, or two in order."""
+    """Raise ValueError unless it is one time, or two in ascending order."""
     if isinstance(duration, tuple) and (len(duration) != 2 or duration[0] > duration[1]):
-        raise ValueError(f"duration: {list(duration)} does not do; give one time, or [least, most]")
+        raise ValueError(f"duration: {list(duration)} is not allowed; give one time, or [least, most]")
 
 
 def drawn(duration: Duration, size: int, random: np.random.Generator) -> Array:

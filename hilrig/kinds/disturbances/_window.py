@@ -1,4 +1,4 @@
-"""When a disturbance is there, and on which axis: shared by the kinds."""
+"""When a disturbance is active, and on which axis: shared by the kinds."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from hilrig.core.errors import nearest
 from hilrig.core.signals import Array
 
 TOLERANCE = 1e-9
-"""s: slack of comparisons of times, so that rounding of k l does not move an onset by a tick"""
+"""s: tolerance when comparing times, so that rounding of k l does not shift an onset by a tick"""
 
 
 def window(time: Array, at: float, until: float | None) -> NDArray[np.bool_]:
-    """Return where at <= t < until, (N,); `until` None is for ever.
+    """Return where at <= t < until, (N,); `until` None means forever.
 
     Raises ValueError if it ends before it begins.
     """

@@ -14,9 +14,9 @@ from hilrig.kinds.disturbances._fault_times import Duration, Occasions, check_du
 
 @dataclass(frozen=True, kw_only=True)
 class BusDelay(Occasions):
-    """The bus holds the state or the command of the given ticks for `duration`; those sent meanwhile wait behind it.
+    """The bus holds back the state or command of the given ticks for `duration`; later messages wait behind it.
 
-    The sender goes on at once. A fault of the loop: real time over the bus only.
+    The sender continues at once. A fault of the loop: real time over the bus only.
     """
 
     acts_on: ClassVar[tuple[str, ...]] = ("faults.state_delay", "faults.command_delay")
@@ -25,7 +25,7 @@ class BusDelay(Occasions):
     duration: Annotated[Duration, Parameter("s", "how long; given two, each is drawn between them", 1e-6, 1.0)]
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless it is said in one way at which ticks, and for how long."""
+        """Raise ValueError unless the ticks are given in exactly one way, and the duration is valid."""
         super().__post_init__()
         check_duration(self.duration)
 

@@ -14,7 +14,7 @@ from hilrig.kinds.disturbances._fault_times import Occasions
 
 @dataclass(frozen=True, kw_only=True)
 class BusLoss(Occasions):
-    """The state or the command of the given ticks never arrives. A fault of the loop: real time over the bus only."""
+    """The state or command of the given ticks never arrives. A fault of the loop: real time over the bus only."""
 
     acts_on: ClassVar[tuple[str, ...]] = ("faults.state_loss", "faults.command_loss")
 

@@ -18,7 +18,7 @@ class ForcePulse:
 
     acts_on: ClassVar[tuple[str, ...]] = ("plant_tip_force",)
 
-    force: Annotated[float, Parameter("N", "its size, with sign", -1e4, 1e4)]
+    force: Annotated[float, Parameter("N", "the force, with sign", -1e4, 1e4)]
     axis: Annotated[str, Parameter("", "task axis along which it acts")]
     at: Annotated[float, Parameter("s", "when it begins", 0.0)]
     duration: Annotated[float, Parameter("s", "how long it lasts", 1e-4)]
@@ -26,6 +26,6 @@ class ForcePulse:
     def apply(
         self, schedule: DisturbanceSchedule, time: Array, axes: tuple[str, ...], random: np.random.Generator
     ) -> None:
-        """Add the force to `schedule.plant_tip_force`. Raises ValueError for an axis that is not there."""
+        """Add the force to `schedule.plant_tip_force`. Raises ValueError for an unknown axis."""
         inside = window(time, self.at, self.at + self.duration)
         schedule.plant_tip_force[:, axis_index(self.axis, axes)] += self.force * inside

@@ -1,4 +1,4 @@
-"""Friction that changes, of the surface or of the joints."""
+"""A change of the friction of the surface or of the joints."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class FrictionStep:
 
     acts_on: ClassVar[tuple[str, ...]] = ("plant_surface_friction_scale", "plant_joint_friction_scale")
 
-    factor: Annotated[float, Parameter("", "on the friction", 0.0, 1e3, "log")]
+    factor: Annotated[float, Parameter("", "factor on the friction", 0.0, 1e3, "log")]
     at: Annotated[float, Parameter("s", "when it begins", 0.0)]
     of: Literal["surface", "joints"] = "surface"
     until: Annotated[float | None, Parameter("s", "when it ends; default: never", 0.0)] = None

@@ -14,7 +14,7 @@ from hilrig.kinds.disturbances._window import TOLERANCE, window
 
 @dataclass(frozen=True)
 class MeasurementDelay:
-    """The controller at tick k is given the measurement of tick k - d, for at <= t < until.
+    """At tick k the controller receives the measurement of tick k - d, for at <= t < until.
 
     d is given as a number of `ticks` or as a time `delay` (a whole number of periods), not both.
     """
@@ -36,7 +36,7 @@ class MeasurementDelay:
     ) -> None:
         """Add the delay to `schedule.measurement_delay`.
 
-        Raises ValueError if it is no whole number of periods.
+        Raises ValueError if it is not a whole number of periods.
         """
         schedule.measurement_delay[window(time, self.at, self.until)] += self._whole_ticks(time)
 
@@ -46,5 +46,5 @@ class MeasurementDelay:
         period = float(time[1] - time[0])
         ticks = round(self.delay / period)
         if abs(ticks * period - self.delay) > TOLERANCE or ticks < 1:
-            raise ValueError(f"a delay of {self.delay:g} s is no whole number of periods of {period:g} s")
+            raise ValueError(f"a delay of {self.delay:g} s is not a whole number of periods of {period:g} s")
         return ticks

@@ -1,4 +1,4 @@
-"""A constant error of what is measured."""
+"""A constant measurement error."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from hilrig.kinds.disturbances._window import window
 
 @dataclass(frozen=True)
 class SensorBias:
-    """F_e along `axis` as measured += force, q as measured += joint, for at <= t < until."""
+    """Measured F_e along `axis` += force, measured q += joint, for at <= t < until."""
 
     acts_on: ClassVar[tuple[str, ...]] = ("wrench_error", "joint_error")
 
     force: Annotated[float, Parameter("N", "error of the measured force", -1e3, 1e3)] = 0.0
-    axis: Annotated[Literal["x", "y", "z"], Parameter("", "force component of the sensor that is wrong")] = "z"
-    joint: Annotated[PerAxis, Parameter("rad", "error of the joint positions, for all or one each", -1.0, 1.0)] = 0.0
+    axis: Annotated[Literal["x", "y", "z"], Parameter("", "force component with the error")] = "z"
+    joint: Annotated[PerAxis, Parameter("rad", "error of the joint positions, one or one per joint", -1.0, 1.0)] = 0.0
     at: Annotated[float, Parameter("s", "when it begins", 0.0)] = 0.0
     until: Annotated[float | None, Parameter("s", "when it ends; default: never", 0.0)] = None
 
@@ -29,7 +29,7 @@ class SensorBias:
     ) -> None:
         """Add the errors to `schedule.wrench_error` and `schedule.joint_error`.
 
-        Raises ValueError for too many joints.
+        Raises ValueError if `joint` has the wrong number of values.
         """
         inside = window(time, self.at, self.until)
         schedule.wrench_error[inside, WRENCH_AXES.index(self.axis)] += self.force

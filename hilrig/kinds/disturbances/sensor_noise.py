@@ -1,4 +1,4 @@
-"""White noise on what is measured."""
+"""White measurement noise."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from hilrig.core.signals import WRENCH_AXES, Array, DisturbanceSchedule
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """F_e and q as measured += normal white noise, independent from tick to tick and from channel to channel.
+    """Measured F_e and q += white normal noise, independent between ticks and between channels.
 
     `force` is the standard deviation of each force component, `joint` that of each joint position. Moments
-    stay exact. The draws do not depend on the sizes: twice the noise is the same noise, twice as large.
+    stay exact. The draws do not depend on the deviations: doubling them gives the same noise, twice as large.
     """
 
     acts_on: ClassVar[tuple[str, ...]] = ("wrench_error", "joint_error")

@@ -14,7 +14,7 @@ from hilrig.kinds.disturbances._fault_times import Duration, Occasions, check_du
 
 @dataclass(frozen=True, kw_only=True)
 class SlowController(Occasions):
-    """The controller computes for `duration` longer at the ticks that are given: busy, not asleep.
+    """The controller computes for `duration` longer at the given ticks: busy, not asleep.
 
     A fault of the loop: real time over the bus only.
     """
@@ -24,7 +24,7 @@ class SlowController(Occasions):
     duration: Annotated[Duration, Parameter("s", "how much longer; given two, each is drawn between them", 1e-6, 1.0)]
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless it is said in one way at which ticks, and for how long."""
+        """Raise ValueError unless the ticks are given in exactly one way, and the duration is valid."""
         super().__post_init__()
         check_duration(self.duration)
 

@@ -1,4 +1,4 @@
-"""A process of the loop that stands still for a while."""
+"""A process of the loop that pauses for a while."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from hilrig.kinds.disturbances._fault_times import Duration, Occasions, check_du
 
 @dataclass(frozen=True, kw_only=True)
 class Stall(Occasions):
-    """A process sleeps, or is stopped whole (SIGSTOP) and continued, for `duration` at the ticks that are given.
+    """A process sleeps, or is stopped (SIGSTOP) and continued, for `duration` at the given ticks.
 
-    The driver stands still when it is awake for the tick and has not measured yet, the controller when it has received
-    the state and computed nothing. A fault of the loop: real time over the bus only.
+    The driver pauses after waking for the tick and before measuring, the controller after receiving the state and
+    before computing. A fault of the loop: real time over the bus only.
     """
 
     acts_on: ClassVar[tuple[str, ...]] = (
         "faults.driver_stall", "faults.driver_stop", "faults.controller_stall", "faults.controller_stop",
     )  # fmt: skip
 
-    process: Annotated[Literal["driver", "controller"], Parameter("", "which one: driver or controller")]
+    process: Annotated[Literal["driver", "controller"], Parameter("", "which process: driver or controller")]
     duration: Annotated[Duration, Parameter("s", "how long; given two, each is drawn between them", 1e-6, 1.0)]
     by: Annotated[
-        Literal["sleep", "stop"], Parameter("", "sleep: its main thread sleeps; stop: all its threads stand still")
+        Literal["sleep", "stop"], Parameter("", "sleep: its main thread sleeps; stop: all its threads stop")
     ] = "sleep"
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless it is said in one way at which ticks, and for how long."""
+        """Raise ValueError unless the ticks are given in exactly one way, and the duration is valid."""
         super().__post_init__()
         check_duration(self.duration)
 

@@ -18,7 +18,7 @@ class StiffnessStep:
 
     acts_on: ClassVar[tuple[str, ...]] = ("plant_stiffness_scale",)
 
-    factor: Annotated[float, Parameter("", "on the surface's stiffness", 0.0, 1e3, "log")]
+    factor: Annotated[float, Parameter("", "factor on the surface's stiffness", 0.0, 1e3, "log")]
     at: Annotated[float, Parameter("s", "when it begins", 0.0)]
     until: Annotated[float | None, Parameter("s", "when it ends; default: never", 0.0)] = None
 

@@ -1,4 +1,4 @@
-"""A surface that swings along its normal."""
+"""A surface that oscillates along its normal."""
 
 from __future__ import annotations
 
@@ -15,16 +15,15 @@ from hilrig.core.signals import Array, DisturbanceSchedule
 class SurfaceMotion:
     """d(t) = r(t) amplitude sin(frequency (t - at)) for t >= at; r rises from 0 to 1 in `ramp`.
 
-    r(t) = 10 s^3 - 15 s^4 + 6 s^5, s = (t - at) / ramp: displacement, velocity and acceleration begin at
-    zero.
+    r(t) = 10 s^3 - 15 s^4 + 6 s^5, s = (t - at) / ramp: displacement, velocity and acceleration start at zero.
     """
 
     acts_on: ClassVar[tuple[str, ...]] = ("plant_surface_offset", "plant_surface_velocity")
 
-    amplitude: Annotated[float, Parameter("m", "of the displacement", 0.0, 1.0)]
+    amplitude: Annotated[float, Parameter("m", "amplitude of the displacement", 0.0, 1.0)]
     frequency: Annotated[float, Parameter("rad/s", "angular frequency; '1 Hz' is 2 pi rad/s", 0.0, 1e3, "log")]
     at: Annotated[float, Parameter("s", "when it begins", 0.0)] = 0.0
-    ramp: Annotated[float, Parameter("s", "how long it takes to reach its amplitude", 1e-3, 1e3)] = 1.0
+    ramp: Annotated[float, Parameter("s", "time to reach the full amplitude", 1e-3, 1e3)] = 1.0
 
     def apply(
         self, schedule: DisturbanceSchedule, time: Array, axes: tuple[str, ...], random: np.random.Generator

@@ -1,1 +1,1 @@
-"""Figures of merit, one kind a file. Each takes a `PhaseRecord`; of every one of them less is better."""
+"""Figures of merit, one kind per file. Each takes a `PhaseRecord`; for all of them, lower is better."""

@@ -15,16 +15,16 @@ from hilrig.kinds.auxiliary_error import auxiliary_error
 class PhaseRecord:
     """The signals of one phase (or of a whole trial) of one trial: N ticks, m task axes, n joints.
 
-    Position, velocity, acceleration and force are the plant's true ones where the driver knows them, else
-    what was measured or estimated. An entry of a reference is meaningful in the axes that are so controlled.
+    Position, velocity, acceleration and force are the plant's true values where the driver knows them, otherwise
+    measured or estimated. An entry of a reference is meaningful only in the axes that are controlled that way.
     """
 
     tick: Array
-    """Number of each tick, (N,), ascending; a gap is a tick that was not recorded"""
+    """Tick numbers, (N,), ascending; a gap is a tick that was not recorded"""
     time: Array
     """Trial time, (N,) s"""
     phases: int
-    """How many phases of the experiment the record spans"""
+    """Number of phases of the experiment that the record spans"""
     period: float
     """s"""
     axes: tuple[str, ...]
@@ -44,7 +44,7 @@ class PhaseRecord:
     acceleration: Array
     """x'', (N, m) m/s^2"""
     force: Array
-    """F_e the robot exerts on its surroundings, (N, m) N"""
+    """F_e that the robot exerts on its surroundings, (N, m) N"""
     reference_position: Array
     """x_d, (N, m) m"""
     reference_velocity: Array
@@ -54,11 +54,11 @@ class PhaseRecord:
     reference_force: Array
     """F_d, (N, m) N"""
     reference_step: Array
-    """Jump of x_d at the beginning: from its last value before, or from x at the trial's start, (m,) m"""
+    """Jump of x_d at the beginning: from its previous value, or from x at the trial's start, (m,) m"""
     torque: Array
     """Commanded joint torque after limits, (N, n) N m"""
     late: Array
-    """Late ticks since the one before, itself included: those that were not answered are not recorded, (N,)"""
+    """Late ticks since the previous recorded tick, including this one; unanswered ticks are not recorded, (N,)"""
 
     def position_error(self) -> dict[str, Array]:
         """Return e = x_d - x of each position-controlled axis, (N,) m."""
@@ -71,7 +71,7 @@ class PhaseRecord:
         return {axis: error[:, i] for i, axis in enumerate(self.axes) if self.sigma[i] == 0}
 
     def auxiliary_error(self) -> Array:
-        """Return e_aux of eq. (25), what is missing from the desired dynamics (3), (N, m) N."""
+        """Return e_aux of eq. (25), the deviation from the desired dynamics (3), (N, m) N."""
         impedance = Impedance(self.sigma, self.inertia, self.damping, self.stiffness, reference_states=False)
         reference = Reference(
             self.reference_position, self.reference_velocity, self.reference_acceleration, self.reference_force
@@ -80,7 +80,7 @@ class PhaseRecord:
 
 
 def rms(values: Array) -> float:
-    """Return the root of the mean square of all entries of `values`; NaN if there are none."""
+    """Return the root mean square of all entries of `values`; NaN if there are none."""
     return float(np.sqrt(np.mean(np.square(values)))) if values.size else float("nan")
 
 

@@ -1,4 +1,4 @@
-"""What is missing from the desired dynamics."""
+"""The deviation from the desired dynamics."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from hilrig.kinds.metrics._record import PhaseRecord, rms
 
 @dataclass(frozen=True)
 class AuxiliaryErrorRmse:
-    """Root mean square of the auxiliary error, eq. (25): what is missing from the desired impedance, by axis.
+    """Root mean square of the auxiliary error, eq. (25): the deviation from the desired impedance, per axis.
 
     RMSE_i = √( (1/N) Σ_k e_aux,i(k)² ),
     e_aux = M_d (x″ − Σ x_d″) + B_d (x′ − Σ x_d′) + K_d Σ (x − x_d) − (I − Σ) F_d + F_e
 
-    x″ is the central difference of x′. A law that tracks x_d, not the impedance, need not make it small.
+    x″ is the central difference of x′. A law that tracks x_d, not the impedance, need not keep it small.
     """
 
     unit: ClassVar[str] = "N"

@@ -1,4 +1,4 @@
-"""How restless the command is."""
+"""How much the command changes from tick to tick."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Chattering:
 
     chattering = (1/(n (N − 1))) Σ_k Σ_j |τ_j(k) − τ_j(k−1)|
 
-    Only pairs of successive ticks count. The value depends on the period: compare runs of equal period.
+    Only pairs of successive ticks count. The value depends on the period: compare only runs with the same period.
     """
 
     unit: ClassVar[str] = "N m"

@@ -13,11 +13,11 @@ from hilrig.kinds.metrics._record import PhaseRecord
 
 @dataclass(frozen=True)
 class ContactLoss:
-    """Share of the time in which contact is asked for but there is none, for each force-controlled axis.
+    """Share of the time in which contact is required but lost, for each force-controlled axis.
 
     loss_i = #{k : F_d,i(k) > F₀ and F_e,i(k) < F₀} / #{k : F_d,i(k) > F₀},  F₀ = threshold
 
-    Not defined where no contact is asked for.
+    Not defined where no contact is required.
     """
 
     threshold: Annotated[float, Parameter("N", "force below which there is no contact", low=0.0)] = 0.05

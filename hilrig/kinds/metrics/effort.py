@@ -1,4 +1,4 @@
-"""How much torque is spent."""
+"""How much torque is commanded."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Effort:
 
     effort = √( (1/(n N)) Σ_k Σ_j τ_j(k)² )
 
-    It contains the torque that holds the arm against gravity.
+    It includes the torque that holds the arm against gravity.
     """
 
     unit: ClassVar[str] = "N m"

@@ -1,4 +1,4 @@
-"""The usual size of the force error."""
+"""The typical size of the force error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How often a command was late."""
+"""How often a tick was late."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hilrig.kinds.metrics._record import PhaseRecord
 class LateFraction:
     """Share of late ticks, by the rule of the timing certificate (docs/certificate.md).
 
-    late = #{k : late(k)} / N, of the N ticks from the first to the last, those that nobody answered included
+    late = #{k : late(k)} / N, over the N ticks from the first to the last, including those without an answer
 
     Always 0 in lockstep, where the driver waits.
     """

@@ -1,4 +1,4 @@
-"""The usual size of the position error."""
+"""The typical size of the position error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long a change of reference takes."""
+"""How long the position takes to settle after a change of reference."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from hilrig.kinds.metrics._record import PhaseRecord
 
 @dataclass(frozen=True)
 class SettlingTime:
-    """Time from a phase's beginning until the position error stays in a band, by position-controlled axis.
+    """Time from the start of a phase until the position error stays in a band, for each position-controlled axis.
 
     T_i = min { t : |e_i(τ)| ≤ b_i for all τ ≥ t in the phase },
     b_i = max(band, fraction · |Δx_d,i|),  e = x_d − x
 
-    Δx_d is the jump of the reference at the beginning, so the band is the same for every controller. Infinite
-    if the error is outside the band at the phase's end. Not defined for a span of several phases.
+    Δx_d is the jump of the reference at the start, so the band is the same for every controller. Infinite
+    if the error is outside the band at the end of the phase. Not defined for a span of several phases.
     """
 
     band: Annotated[float, Parameter("m", "smallest half-width of the band", low=0.0)] = 0.005
@@ -39,7 +39,7 @@ class SettlingTime:
         }
 
     def _settled(self, error: Array, record: PhaseRecord, band: float) -> float:
-        """Return when `error` (N,) is last outside ±band, plus one period, as time since the beginning."""
+        """Return the time from the start until one period after `error` (N,) is last outside ±band."""
         outside = np.flatnonzero(~(np.abs(error) <= band))
         if outside.size == 0:
             return 0.0

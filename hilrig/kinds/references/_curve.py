@@ -1,4 +1,4 @@
-"""Curves through points, shared by the references that are given as points."""
+"""Curves through points, shared by the references that are defined by points."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ TOLERANCE = 1e-9
 
 
 def check_points(times: Sequence[float], values: Sequence[float], places: Sequence[str] | None = None) -> None:
-    """Raise ValueError unless there are at least two finite points and the times rise from 0 or later.
+    """Raise ValueError unless there are at least two finite points and the times increase from 0 or later.
 
-    `places` says in a message which point is meant, such as "line 3"; by default "point 3".
+    `places` names each point in messages, such as "line 3"; by default "point 3".
     """
     if len(times) != len(values):
         raise ValueError(f"{len(times)} times, but {len(values)} values")
@@ -42,7 +42,7 @@ def curve(times: Sequence[float], values: Sequence[float], kind: Interpolation, 
     """Return the curve through (span.start + times, values) at trial times `at` (N,) s.
 
     cubic is the spline with continuous acceleration whose rate is zero at its first and last point. Outside the points
-    the curve rests at the nearest one. Raises ValueError if it begins when its phase has ended.
+    the curve stays at the nearest one. Raises ValueError if it begins after its phase has ended.
     """
     length = span.end - span.start
     if times[0] >= length:
@@ -58,7 +58,7 @@ def curve(times: Sequence[float], values: Sequence[float], kind: Interpolation, 
 
 
 def cut_off(times: Sequence[float], span: Span) -> list[str]:
-    """Return a warning if points lie beyond the end of the phase, in a list; else an empty list."""
+    """Return a list with a warning if points lie beyond the end of the phase; else an empty list."""
     length = span.end - span.start
     beyond = sum(time > length + TOLERANCE for time in times)
     if not beyond:
@@ -70,7 +70,7 @@ def cut_off(times: Sequence[float], span: Span) -> list[str]:
 
 
 def _cubic(t: Array, y: Array, at: Array) -> tuple[Array, Array, Array]:
-    # Importing it takes longer than a short trial; only processes that sample a spline should pay for it.
+    # The import takes longer than a short trial; only processes that sample a spline should pay for it.
     from scipy.interpolate import CubicSpline
 
     spline = CubicSpline(t, y, bc_type="clamped")

@@ -1,4 +1,4 @@
-"""Columns of numbers from the text of a CSV table. What is not plainly a number is refused, with its line."""
+"""Columns of numbers from the text of a CSV table. Anything that is not clearly a number is rejected, with its line."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hilrig.core.errors import nearest
 
 OTHER_SEPARATORS = {";": "';'", "\t": "tabs", "|": "'|'"}
 
-# float() also takes 1_000, nan, and digits of other scripts.
+# float() also accepts 1_000, nan, and digits of other scripts.
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
 
@@ -23,16 +23,16 @@ class Columns(NamedTuple):
     """Some columns of a table, row by row."""
 
     lines: tuple[int, ...]
-    """Line of the file at which each row begins, counted from 1"""
+    """Line of the file on which each row begins, counted from 1"""
     values: tuple[tuple[float, ...], ...]
-    """Of each column asked for, one number a row"""
+    """For each requested column, one number per row"""
 
 
 def read_columns(text: str, names: Sequence[str]) -> Columns:
-    """Return the columns with these names, which the first line of `text` gives, of all rows below it.
+    """Return the columns with these names; the first line of `text` is the header.
 
     Fields are separated by commas and may be quoted; blank lines are skipped. Raises ValueError, with the line, if a
-    row has more or fewer fields than the header, a quote stays open, or a field of these columns is not a number.
+    row has more or fewer fields than the header, a quote is not closed, or a field of these columns is not a number.
     """
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
@@ -54,8 +54,8 @@ def read_columns(text: str, names: Sequence[str]) -> Columns:
 
 
 def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield each row that is not blank, with the line at which it begins."""
-    # newline=None: files of any system, also where a quoted field runs over several lines.
+    """Yield each row that is not blank, with the line on which it begins."""
+    # newline=None: accepts the line ends of any system, also within quoted fields that span several lines.
     reader = csv.reader(io.StringIO(text, newline=None), strict=True, skipinitialspace=True)
     while True:
         line = reader.line_num + 1
@@ -70,9 +70,9 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def _place_of(name: str, header: Sequence[str], line: int) -> int:
-    """Return which field of a row belongs to the column."""
+    """Return the index of the column's field in a row."""
     if not header:
-        raise ValueError("there is nothing in it; the first line must name the columns, such as 'time,x'")
+        raise ValueError("the table is empty; the first line must name the columns, such as 'time,x'")
     if all(_NUMBER.fullmatch(field) for field in header):
         raise ValueError(f"line {line} holds numbers, but the first line must name the columns, such as 'time,x'")
     if name not in header:
@@ -85,7 +85,7 @@ def _place_of(name: str, header: Sequence[str], line: int) -> int:
 
 
 def _advice(row: Sequence[str], wanted: int) -> str:
-    """Return advice for a row that was taken apart at the wrong places; an empty string if there is none."""
+    """Return advice for a row that was split in the wrong places; an empty string if there is none."""
     for separator, shown in OTHER_SEPARATORS.items():
         if any(separator in field for field in row):
             return f"; separate fields with commas, not with {shown}"
@@ -100,7 +100,7 @@ def _number(text: str, where: str) -> float:
     if _NOT_FINITE.fullmatch(text):
         raise ValueError(f"{where}: {text} is not a finite number")
     if not _NUMBER.fullmatch(text):
-        raise ValueError(f"{where}: {reprlib.repr(text)} is not a number; write it such as 0.02 or -2e-3")
+        raise ValueError(f"{where}: {reprlib.repr(text)} is not a number; write numbers such as 0.02 or -2e-3")
     value = float(text)
     if not math.isfinite(value):
         raise ValueError(f"{where}: {text} is too large")

@@ -17,8 +17,8 @@ class Csv:
     """r(t) passes through the points in two columns of a CSV file, named by its first line; SI units.
 
     The file is UTF-8 text: fields separated by commas, decimals with a point. Times (s) count from the start of the
-    phase. Interpolation and ends as for waypoints. The points are read when the experiment is and become part of the
-    trial: a run does not depend on the file any more.
+    phase. Interpolation and ends are as for waypoints. The points are read with the experiment and become part of the
+    trial, so a run no longer depends on the file.
     """
 
     reads: ClassVar[str] = "file"
@@ -45,5 +45,5 @@ class Csv:
         return curve(self.times, self.values, self.interpolation, time, span)
 
     def warnings(self, span: Span) -> list[str]:
-        """Return what of the curve the phase leaves out."""
+        """Return a warning if the phase ends before the curve does."""
         return cut_off(self.times, span)

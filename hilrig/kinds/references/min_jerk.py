@@ -24,13 +24,13 @@ class MinJerk:
     """
 
     end: Annotated[float, Parameter("m|N", "where the move ends")]
-    start: Annotated[float | None, Parameter("m|N", "where it starts; default: where the phase before ended")] = None
+    start: Annotated[float | None, Parameter("m|N", "where it starts; default: end of the previous phase")] = None
     duration: Annotated[float | None, Parameter("s", "how long it takes; default: the phase", 1e-3, 1e5, "log")] = None
 
     def sample(self, time: Array, span: Span) -> Samples:
         """Return the move at `time` (N,) s.
 
-        Raises ValueError without a start, or if it outlasts its phase.
+        Raises ValueError without a start, or if the move takes longer than its phase.
         """
         start = self.start if self.start is not None else span.previous
         if start is None:

@@ -16,11 +16,11 @@ from hilrig.core.signals import Array
 class Sine:
     """r(t) = offset + amplitude sin(frequency (t - t0) + angle)
 
-    t0 is the start of the trial (since: trial) or of the phase (since: phase). With `trial`, a change of
-    amplitude from one phase to the next keeps its t, as in the paper's 0.3 sin t followed by 0.2 sin t.
+    t0 is the start of the trial (since: trial) or of the phase (since: phase). With `trial`, t continues when the
+    amplitude changes from one phase to the next, as in the paper's 0.3 sin t followed by 0.2 sin t.
     """
 
-    amplitude: Annotated[float, Parameter("m|N", "half the way from lowest to highest value", 0.0)]
+    amplitude: Annotated[float, Parameter("m|N", "half the range from lowest to highest value", 0.0)]
     frequency: Annotated[float, Parameter("rad/s", "angular frequency; '1 Hz' is 2 pi rad/s", 0.0, 1e4, "log")]
     offset: Annotated[float, Parameter("m|N", "mean value")] = 0.0
     angle: Annotated[float, Parameter("rad", "phase angle at t0")] = 0.0

@@ -16,15 +16,15 @@ class Waypoints:
     """r(t) passes through (times_i, values_i), t counted from the start of the phase.
 
     cubic: the spline with continuous acceleration whose rate is zero at its first and last point; linear: straight
-    lines. Before the first point and after the last, r rests there.
+    lines. Before the first point and after the last, r stays at that point.
     """
 
-    times: Annotated[tuple[float, ...], Parameter("s", "since the start of the phase, rising", 0.0)]
+    times: Annotated[tuple[float, ...], Parameter("s", "since the start of the phase, increasing", 0.0)]
     values: Annotated[tuple[float, ...], Parameter("m|N", "one for each time")]
     interpolation: Interpolation = "cubic"
 
     def __post_init__(self) -> None:
-        """Raise ValueError if the points make no curve."""
+        """Raise ValueError if the points do not form a curve."""
         check_points(self.times, self.values)
 
     def sample(self, time: Array, span: Span) -> Samples:
@@ -32,5 +32,5 @@ class Waypoints:
         return curve(self.times, self.values, self.interpolation, time, span)
 
     def warnings(self, span: Span) -> list[str]:
-        """Return what of the curve the phase leaves out."""
+        """Return a warning if the phase ends before the curve does."""
         return cut_off(self.times, span)

@@ -1,1 +1,1 @@
-"""Robots: geometry and nominal dynamics, one kind a file."""
+"""Robots: geometry and nominal dynamics, one kind per file."""

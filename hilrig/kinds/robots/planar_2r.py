@@ -14,13 +14,13 @@ from hilrig.core.parameters import Parameter
 from hilrig.core.signals import Array, Kinematics
 
 FRICTION_RATE = 5e-3
-"""rad/s: joint rate below which Coulomb friction falls off, F = f tanh(q'/eps)"""
+"""rad/s: joint rate eps below which Coulomb friction decreases, F = f tanh(q'/eps)"""
 
 Pair = tuple[float, float]
 
 
 class Geometry(NamedTuple):
-    """What the kernels need of the arm."""
+    """What the kernels need to know of the arm."""
 
     length_1: float
     """L1, m"""
@@ -41,11 +41,11 @@ class Planar2r:
     M(q) q'' + C(q, q') q' + G(q) + F(q') = tau - J^T F_e, linear in theta (9,):
     theta = (I1 + m1 c1^2 + m2 l1^2, m2 c2 l1, I2 + m2 c2^2, m1 c1 + m2 l1, m2 c2, f1, f2, b1, b2)
     in kg m^2 (three), kg m (two), N m (Coulomb, two) and N m s/rad (viscous, two). Friction is not part of the nominal
-    model: f and b are zero in `dynamic_parameters`, and the plant's own friction belongs to its driver.
+    model: f and b are zero in `dynamic_parameters`, and the driver models the plant's own friction.
 
     A link is a uniform slender rod unless `centers_of_mass` and `inertias` say otherwise; point masses at the ends, as
-    in the paper, are centers_of_mass = dynamic_lengths and inertias = 0. `dynamic_lengths` gives the dynamics other
-    lengths than the kinematics: the paper's Section V needs it.
+    in the paper, are centers_of_mass = dynamic_lengths and inertias = 0. `dynamic_lengths` lets the dynamics use other
+    lengths than the kinematics, which the paper's Section V needs.
     """
 
     axes: ClassVar[tuple[str, ...]] = ("x", "z")
@@ -54,7 +54,7 @@ class Planar2r:
     lengths: Annotated[Pair, Parameter("m", "kinematic lengths L1, L2", 1e-3, 10.0)]
     masses: Annotated[Pair, Parameter("kg", "masses m1, m2", 1e-3, 1e3)]
     gravity: Annotated[Pair, Parameter("m/s^2", "gravity along (x, z)", -30.0, 30.0)] = (0.0, -9.81)
-    dynamic_lengths: Annotated[Pair | None, Parameter("m", "lengths l1, l2 of the dynamics, if other", 1e-3, 10.0)] = (
+    dynamic_lengths: Annotated[Pair | None, Parameter("m", "dynamic lengths l1, l2; default: L1, L2", 1e-3, 10.0)] = (
         None
     )
     centers_of_mass: Annotated[Pair | None, Parameter("m", "c1, c2 from each joint; default: l/2", 0.0, 10.0)] = None
@@ -67,7 +67,7 @@ class Planar2r:
     elbow: Literal["positive", "negative"] = "positive"
 
     def geometry(self) -> Geometry:
-        """Return the numbers that the kernels take."""
+        """Return the parameters for the kernels."""
         return Geometry(*self.lengths, *self.gravity)
 
     def kernels(self) -> RobotKernels:
@@ -150,7 +150,7 @@ def kinematics(geometry: Geometry, q: Array, rate: Array) -> Kinematics:
 
 @kernel
 def fill_kinematics(geometry: Geometry, q: Array, rate: Array, at: Kinematics) -> None:
-    """Write `kinematics` into `at`; what is always zero in a regressor stays as it is."""
+    """Write `kinematics` into `at`; entries of the regressor that are always zero are not written."""
     l1, l2 = geometry.length_1, geometry.length_2
     s1, c1 = np.sin(q[0]), np.cos(q[0])
     s12, c12 = np.sin(q[0] + q[1]), np.cos(q[0] + q[1])
@@ -167,7 +167,7 @@ def fill_kinematics(geometry: Geometry, q: Array, rate: Array, at: Kinematics) -
 
 @kernel
 def fill_regressor(geometry: Geometry, q: Array, rate: Array, r: Array) -> None:
-    """Write R (5, 2, 9) of `Kinematics`, but for its zeros: constant part, then the parts of v1, v2, a1, a2."""
+    """Write R (5, 2, 9) of `Kinematics`, except its zeros: constant part, then the parts of v1, v2, a1, a2."""
     gx, gz = geometry.gravity_x, geometry.gravity_z
     s2, c2 = np.sin(q[1]), np.cos(q[1])
     r[0, 0, 3] = gx * np.sin(q[0]) - gz * np.cos(q[0])

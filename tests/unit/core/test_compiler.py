@@ -141,7 +141,7 @@ def test_a_cache_that_cannot_be_written_is_refused_by_name(package: Path, tmp_pa
     (tmp_path / "file").write_text("")
     with pytest.raises(subprocess.CalledProcessError) as caught:
         run(package, tmp_path / "file" / "cache")
-    assert "Not a directory; set HILRIG_CACHE_DIR to a folder that can be written" in caught.value.stderr
+    assert "Not a directory; set HILRIG_CACHE_DIR to a writable folder" in caught.value.stderr
 
 
 def test_a_setting_that_changes_the_code_has_a_cache_of_its_own(package: Path, tmp_path: Path) -> None:
@@ -187,5 +187,5 @@ def test_settings_that_numba_cannot_read_are_named(package: Path, tmp_path: Path
     with pytest.raises(subprocess.CalledProcessError) as caught:
         run(package, tmp_path / "cache")
     assert (
-        f"numba cannot read its settings: line 1: not YAML; look at {package}/.numba_config.yaml" in caught.value.stderr
+        f"numba cannot read its settings: line 1: not YAML; check {package}/.numba_config.yaml" in caught.value.stderr
     )

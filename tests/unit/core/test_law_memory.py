@@ -34,7 +34,7 @@ def test_a_name_like_it_is_proposed(name: str, example: str) -> None:
 
 def test_a_name_of_the_record_is_refused() -> None:
     assert (*RECORDED, "memory") == InternalsRows._fields
-    assert "the record needs for itself" in name_problem("position")
+    assert "reserved for the record" in name_problem("position")
 
 
 def test_sizes_are_by_name() -> None:

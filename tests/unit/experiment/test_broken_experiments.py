@@ -70,8 +70,8 @@ BROKEN: dict[str, tuple[str, str, tuple[str, ...]]] = {
         "period: 1 ms", "clock: realtime\nrig: {spin: §2 ms}", ("'rig.spin'", "is 0.002 s; set it to less than the period"),
     ),
     "half a character": ("What is wrong?", '§"\\ud800"', ("half of a surrogate pair",)),
-    "a key in two spellings": ("period: 1 ms", "period: 1 ms\n§perio\uff44: 2 ms", ("'perio\uff44' is here twice",)),
-    "number for a text": ("name: broken", "name: §2026", ("2026 is not a text; put it in quotes",)),
+    "a key in two spellings": ("period: 1 ms", "period: 1 ms\n§perio\uff44: 2 ms", ("'perio\uff44' appears twice",)),
+    "number for a text": ("name: broken", "name: §2026", ("2026 is not text; put it in quotes",)),
     # values
     "wrong version": ("hilrig: 1", "hilrig: §2", ("2 is not allowed", "allowed: 1")),
     "wrong dimension": ("period: 1 ms", "period: §3 kg", ("'3 kg' is a mass", "a time", "1 ms")),

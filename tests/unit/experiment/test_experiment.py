@@ -191,11 +191,11 @@ REFUSED = [
     ("repeatz=3", "--set repeatz=3: there is no 'repeatz' in an experiment; did you mean 'repeats'?"),
     (
         "controllers.pdd.stiffness=1",
-        "there is no 'pdd' in 'controllers'; did you mean 'pd'? (there: pd, proposed)",
+        "there is no 'pdd' in 'controllers'; did you mean 'pd'? (known: pd, proposed)",
     ),
     ("controller.pd.damping=80", "there is no 'controller' in an experiment; did you mean 'controllers'?"),
     ("controllers.new={kind: pd}", "there is no 'new' in 'controllers'"),
-    ("phases.secnd.duration=1 s", "there is no item 'secnd'; did you mean 'second'? (there: first, second)"),
+    ("phases.secnd.duration=1 s", "there is no item 'secnd'; did you mean 'second'? (known: first, second)"),
     ("phases.2.duration=1 s", "there is no item '2'"),
     ("safety.force=1", "unknown key 'force'; did you mean 'tip_force'?"),
     ("safte.tip_force=1 N", "--set safte.tip_force=1 N: there is no 'safte' in an experiment; did you mean 'safety'?"),

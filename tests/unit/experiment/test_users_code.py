@@ -61,20 +61,20 @@ BROKEN_FILES = {
     "nothing in it": ("", "exactly one public dataclass; this one has no class"),
     "no dataclass": ("class A: pass\n", "this one has A without @dataclass"),
     "two of them": (HEAD + 2 * "@dataclass(frozen=True)\nclass A: pass\n" + "B = A\n", "this one has A, A"),
-    "not frozen": (HEAD + "@dataclass\nclass A: pass\n", "kind.py:3: A can be changed"),
+    "not frozen": (HEAD + "@dataclass\nclass A: pass\n", "kind.py:3: A is mutable"),
     "lacks start": (HEAD + "@dataclass(frozen=True)\nclass A: pass\n", "kind.py:3: A lacks start"),
     "a parameter called kind": (kind("float = 1.0\n    kind: float = 2.0"), f"kind.py:{FIELD + 1}: a parameter cannot be called 'kind'"),
     "a default that can change": (kind("float = []"), "ValueError: mutable default"),
-    "a type that no file can give": (kind("bytes"), f"kind.py:{FIELD}: no file can give the parameter 'gain' its type, bytes; use float"),
-    "an array": (kind("np.ndarray"), f"kind.py:{FIELD}: no file can give the parameter 'gain' its type, ndarray"),
-    "one of two types": (kind("float | str = 1.0"), f"kind.py:{FIELD}: no file can give the parameter 'gain' its type, float | str"),
+    "a type that no file can give": (kind("bytes"), f"kind.py:{FIELD}: the type of parameter 'gain' cannot come from a file: bytes; use float"),
+    "an array": (kind("np.ndarray"), f"kind.py:{FIELD}: the type of parameter 'gain' cannot come from a file: ndarray"),
+    "one of two types": (kind("float | str = 1.0"), f"kind.py:{FIELD}: the type of parameter 'gain' cannot come from a file: float | str"),
     "an annotation that is not there": (kind("Nonsense"), f"kind.py:{FIELD}: the annotation of 'gain' cannot be evaluated: NameError"),
     "an annotation that fails": (kind("np.nonsense"), f"kind.py:{FIELD}: the annotation of 'gain' cannot be evaluated: AttributeError"),
     "a default that is NaN": (kind("float = np.nan"), f"kind.py:{FIELD}: the parameter 'gain' is NaN"),
     "a default that is no number": (kind("float = 1j"), f"kind.py:{FIELD}: the parameter 'gain' is a complex"),
     "a value that changes twice": (
         kind("float = 1.0\n    def __post_init__(self):\n        object.__setattr__(self, 'gain', self.gain * 2)"),
-        f"kind.py:{FIELD}: the parameter 'gain' is 2.0 here and would be 4.0 in the processes",
+        f"kind.py:{FIELD}: the parameter 'gain' is 2.0 here but would be 4.0 in the processes",
     ),
 }  # fmt: skip
 
@@ -102,8 +102,8 @@ FAILING_CODE = {
     "start never ends": (kind(start="return self.start(task, state)"), f"kind.py:{START}: RecursionError"),
     "start returns nothing": (kind(start="pass"), "start returned a NoneType; it must return a Law"),
     "start takes too little": (kind().replace("task, state", "task"), f"kind.py:{CLASS}: TypeError: Mine.start() takes 2"),
-    "names that ROS 2 refuses": (kind(start=TO_MEMORY), "kind.py:11: the memory field 'Kp' has a name that ROS 2 refuses"),
-    "names of the record": (kind(start=TO_MEMORY), "kind.py:12: the memory field 'time' has a name that the record needs"),
+    "not a ROS 2 name": (kind(start=TO_MEMORY), "kind.py:11: the memory field 'Kp' has a name that ROS 2 does not allow"),
+    "names of the record": (kind(start=TO_MEMORY), "kind.py:12: the memory field 'time' has a name that is reserved"),
 }  # fmt: skip
 
 

@@ -56,8 +56,8 @@ def test_these_are_tables(text: str) -> None:
 
 
 REFUSED = {
-    "empty": ("", "a.csv: there is nothing in it; the first line must name the columns"),
-    "blank": ("\n \n", "nothing in it"),
+    "empty": ("", "a.csv: the table is empty; the first line must name the columns"),
+    "blank": ("\n \n", "the table is empty"),
     "header alone": ("time,x\n", "at least two points; this one has 0"),
     "one row": ("time,x\n0,1\n", "at least two points; this one has 1"),
     "no header": ("0,1\n1,2\n", "line 1 holds numbers, but the first line must name the columns"),

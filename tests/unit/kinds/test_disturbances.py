@@ -99,7 +99,7 @@ def test_a_bias_is_one_component_of_the_force_and_every_joint_or_each() -> None:
 def test_a_delay_is_told_in_ticks_or_as_a_time() -> None:
     assert set(applied(MeasurementDelay(delay=3e-3, at=1.0)).measurement_delay) == {0.0, 3.0}
     for delay in (1.5e-3, 0.0):
-        with pytest.raises(ValueError, match="no whole number of periods"):
+        with pytest.raises(ValueError, match="not a whole number of periods"):
             applied(MeasurementDelay(delay=delay))
     with pytest.raises(ValueError, match="either 'ticks' or 'delay'"):
         MeasurementDelay()

@@ -55,7 +55,7 @@ def test_every_kind_loads_and_knows_its_name(group: str) -> None:
     ("group", "entry", "words"),
     [
         ("drivers", "two_link = other.two_link", "two packages offer the kind 'two_link' of drivers"),
-        ("controllers", "pd = other.pd", "'pd' of controllers, which hilrig has itself"),
+        ("controllers", "pd = other.pd", "'pd' of controllers, which is built into hilrig"),
     ],
 )
 def test_two_packages_cannot_offer_the_same_kind(
@@ -178,7 +178,7 @@ def test_what_cannot_be_written_is_refused_by_name(tmp_path: Path, value: Any, w
 
 @pytest.mark.parametrize("document", [{}, {"kind": 3.0}])
 def test_a_document_without_a_kind_is_refused(document: dict[str, Any]) -> None:
-    with pytest.raises(PluginError, match="a record of one of the controllers names no kind"):
+    with pytest.raises(PluginError, match="a record of one of the controllers does not name its kind"):
         plugins.restore("controllers", document)
 
 

@@ -94,7 +94,7 @@ def test_another_seed_selects_other_ticks() -> None:
         ({"at": 9.0}, "at: 9 s is after the last tick, at 3.999 s"),
         ({"at": (1.0, 1.0)}, "at: two times fall on the tick at 1 s"),
         ({"within": (2.0, 1.0)}, r"it would end \(1 s\) before it begins \(2 s\)"),
-        ({"within": (5.0, 6.0)}, r"within: \[5 s, 6 s\] holds no tick; the last one is at 3.999 s"),
+        ({"within": (5.0, 6.0)}, r"within: \[5 s, 6 s\] contains no tick; the last one is at 3.999 s"),
         ({"count": 5, "distance": 1.0}, "5 faults, 1000 ticks apart, do not fit into 4000 ticks; at most 4 do"),
     ],
 )

@@ -64,7 +64,7 @@ FAULTS = {
     "torque_is_one_finite_number_for_each_joint finite": ({"late": "torque[0] = np.nan"}, "at tick 0 it returned [nan"),
     "memory_can_be_recorded": ({"start": "integral = 0.0"}, "memory field 'integral' is a float"),
     "memory_can_be_recorded single": (
-        {"start": "integral = integral.astype(np.float32)"}, "every field is an array of float64",
+        {"start": "integral = integral.astype(np.float32)"}, "every field must be an array of float64",
     ),
     "memory_fields_are_arrays_of_their_own": ({"start": "p = integral"}, "'integral' are one array"),
     "memory_fields_are_arrays_of_their_own state": (

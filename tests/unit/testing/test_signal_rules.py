@@ -215,7 +215,7 @@ PARAMETERS: dict[str, tuple[dict[str, Any], str]] = {
         {"field": "band: Annotated[float, Parameter('m', 'width', 2, 0)] = 3.0"}, "the bounds of 'band' are 2 and 0",
     ),
     "parameters_can_be_read_from_an_experiment": (
-        {"field": "band: object = None"}, "no file can give the parameter 'band' its type, object",
+        {"field": "band: object = None"}, "the type of parameter 'band' cannot come from a file: object",
     ),
     "can_be_written_into_a_plan_and_read_back": (
         {"field": "table: tuple = (np.zeros(2),)"}, "it raised ValueError: The truth value of an array",
