@@ -52,7 +52,7 @@ def kind_names(group: str) -> tuple[str, ...]:
 def load_kind(group: str, kind: str, base: Path | None = None) -> type:
     """Return the class of a kind.
 
-    `kind` is a name of `kinds(group)` or the path of a Python file; `base` is the folder that relative paths start
+    `kind` is one of `kind_names(group)` or the path of a Python file; `base` is the folder that relative paths start
     from (the experiment's). Raises PluginError if there is no such kind, or if it does not provide the interface.
     """
     if "\0" in kind:

@@ -1,7 +1,7 @@
 """The controller's part of a tick: observe, call the law, limit its torque, record.
 
 Written once, over arrays that are filled in place. If robot and law offer kernels it is compiled with them, many ticks
-per call (`whole_trial`) or one at a time (`controller_answers`); if they are plain Python it is interpreted.
+per call (`whole_trial`) or one at a time (`controller_template`); if they are plain Python it is interpreted.
 """
 
 from __future__ import annotations

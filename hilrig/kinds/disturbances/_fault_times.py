@@ -18,7 +18,7 @@ Duration = float | tuple[float, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Occasions:
+class FaultTimes:
     """At given times, at `count` random ticks, at each tick with `probability`, or at every tick of `within`."""
 
     at: Annotated[float | tuple[float, ...] | None, Parameter("s", "when: one time, or a list of times", 0.0)] = None

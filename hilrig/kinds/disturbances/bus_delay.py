@@ -9,11 +9,11 @@ import numpy as np
 
 from hilrig.core.parameters import Parameter
 from hilrig.core.signals import Array, DisturbanceSchedule
-from hilrig.kinds.disturbances._fault_times import Duration, Occasions, check_duration, drawn
+from hilrig.kinds.disturbances._fault_times import Duration, FaultTimes, check_duration, drawn
 
 
 @dataclass(frozen=True, kw_only=True)
-class BusDelay(Occasions):
+class BusDelay(FaultTimes):
     """The bus holds back the state or command of the given ticks for `duration`; later messages wait behind it.
 
     The sender continues at once. A fault of the loop: real time over the bus only.

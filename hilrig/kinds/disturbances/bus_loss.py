@@ -9,11 +9,11 @@ import numpy as np
 
 from hilrig.core.parameters import Parameter
 from hilrig.core.signals import Array, DisturbanceSchedule
-from hilrig.kinds.disturbances._fault_times import Occasions
+from hilrig.kinds.disturbances._fault_times import FaultTimes
 
 
 @dataclass(frozen=True, kw_only=True)
-class BusLoss(Occasions):
+class BusLoss(FaultTimes):
     """The state or command of the given ticks never arrives. A fault of the loop: real time over the bus only."""
 
     acts_on: ClassVar[tuple[str, ...]] = ("faults.state_loss", "faults.command_loss")

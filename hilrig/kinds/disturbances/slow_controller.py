@@ -9,11 +9,11 @@ import numpy as np
 
 from hilrig.core.parameters import Parameter
 from hilrig.core.signals import Array, DisturbanceSchedule
-from hilrig.kinds.disturbances._fault_times import Duration, Occasions, check_duration, drawn
+from hilrig.kinds.disturbances._fault_times import Duration, FaultTimes, check_duration, drawn
 
 
 @dataclass(frozen=True, kw_only=True)
-class SlowController(Occasions):
+class SlowController(FaultTimes):
     """The controller computes for `duration` longer at the given ticks: busy, not asleep.
 
     A fault of the loop: real time over the bus only.

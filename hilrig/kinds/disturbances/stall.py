@@ -9,11 +9,11 @@ import numpy as np
 
 from hilrig.core.parameters import Parameter
 from hilrig.core.signals import Array, DisturbanceSchedule
-from hilrig.kinds.disturbances._fault_times import Duration, Occasions, check_duration, drawn
+from hilrig.kinds.disturbances._fault_times import Duration, FaultTimes, check_duration, drawn
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stall(Occasions):
+class Stall(FaultTimes):
     """A process sleeps, or is stopped (SIGSTOP) and continued, for `duration` at the given ticks.
 
     The driver pauses after waking for the tick and before measuring, the controller after receiving the state and
