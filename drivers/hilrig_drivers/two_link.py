@@ -98,6 +98,7 @@ class TwoLinkPlant:
         """Do nothing; there is nothing to release."""
 
 
+# Tuples of numbers, not arrays: numba keeps them in registers, and a step allocates nothing.
 Pair = tuple[float, float]
 Four = tuple[float, float, float, float]
 """q1, q2, q1', q2', or their rates"""
@@ -202,10 +203,12 @@ def rates(model: Model, held: Held, after: float, s: Four) -> tuple[Four, Pair]:
     force, load = exerted(held.surface, held.push, after, place, speed), weight(c, at)
     m11, m12, m22, h = inertia(c, at)
     coriolis1, coriolis2 = coriolis(h, rate1, rate2)
+    # One line per joint: numba can index a tuple only by a constant.
     motor1 = motor_torque(c.servo, torque[0], reference[0], q1, rate1, load[0])
     motor2 = motor_torque(c.servo, torque[1], reference[1], q2, rate2, load[1])
     net1 = motor1 - load[0] - coriolis1 - friction(c, scale, 0, rate1) - row_x[0] * force[0] - row_z[0] * force[1]
     net2 = motor2 - load[1] - coriolis2 - friction(c, scale, 1, rate2) - row_x[1] * force[0] - row_z[1] * force[1]
+    # M^-1 in closed form: a call of LAPACK would take longer than the rest of the step.
     determinant = m11 * m22 - m12 * m12
     acceleration1 = (m22 * net1 - m12 * net2) / determinant
     acceleration2 = (m11 * net2 - m12 * net1) / determinant
@@ -231,6 +234,7 @@ def advance(model: Model, state: Array, disturbance: PlantDisturbance, torque: A
         k3, _ = rates(model, held, (i + 0.5) * h, along(s, 0.5 * h, k2))
         k4, _ = rates(model, held, (i + 1) * h, along(s, h, k3))
         s = along(along(along(along(s, h / 6.0, k1), h / 3.0, k2), h / 3.0, k3), h / 6.0, k4)
+        # What a torque sensor would show last: the motors' torque at the beginning of the last step.
         state[4], state[5] = motor
     state[0], state[1], state[2], state[3] = s
 

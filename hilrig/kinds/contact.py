@@ -54,7 +54,9 @@ def contact_force(surface: SurfaceState, z: float, z_rate: float, slip: float) -
     if depth <= 0.0 and not surface.pulls:
         return 0.0, 0.0
     normal = surface.stiffness * depth + surface.damping * (z_rate - surface.velocity)
+    # The tip leaves faster than the surface can follow: the damper alone would pull.
     if normal < 0.0 and not surface.pulls:
         return 0.0, 0.0
+    # A plain sign would flip from one step to the next while the tip is at rest.
     saturated = min(max(slip / FRICTION_SPEED, -1.0), 1.0)
     return normal, surface.friction * abs(normal) * saturated

@@ -66,6 +66,7 @@ def move_filter(
         acceleration[i] = desired_acceleration(impedance, i, at, rate, state.force[i], reference)
         speed = filter_velocity[i] + period * acceleration[i]
         filter_velocity[i] = min(max(speed, v - impedance.velocity_clip), v + impedance.velocity_clip)
+        # The new v_d, clipped: p_d would otherwise keep moving while v_d stands at its limit.
         place = filter_position[i] + period * filter_velocity[i]
         filter_position[i] = min(max(place, x - impedance.position_clip), x + impedance.position_clip)
 
