@@ -203,7 +203,7 @@ def rates(model: Model, held: Held, after: float, s: Four) -> tuple[Four, Pair]:
     force, load = exerted(held.surface, held.push, after, place, speed), weight(c, at)
     m11, m12, m22, h = inertia(c, at)
     coriolis1, coriolis2 = coriolis(h, rate1, rate2)
-    # One line per joint: numba can index a tuple only by a constant.
+    # One line per joint: a loop cannot assign the entries of a tuple.
     motor1 = motor_torque(c.servo, torque[0], reference[0], q1, rate1, load[0])
     motor2 = motor_torque(c.servo, torque[1], reference[1], q2, rate2, load[1])
     net1 = motor1 - load[0] - coriolis1 - friction(c, scale, 0, rate1) - row_x[0] * force[0] - row_z[0] * force[1]
