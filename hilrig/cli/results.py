@@ -73,6 +73,8 @@ def tell_results(run: Path, out: Path | None, report: bool, junit: Path | None) 
         if junit is not None:
             write_text(junit, junit_xml(measured.data, measured.expected))
         page = write_report(measured, out) if report else None
+    for kind, reason in measured.failed_metrics.items():
+        typer.echo(f"warning: the metric '{kind}' failed and is left out: {reason}", err=True)
     if page is not None:
         typer.echo(f"report   {page}")
     if measured.expected:

@@ -91,9 +91,14 @@ class Bound(NamedTuple):
 
     @property
     def margin(self) -> float:
-        """The factor by which the value can change before it reaches its limit; below 1 the bound is not kept."""
+        """The factor by which the value can change before it reaches its limit; below 1 the bound is not kept.
+
+        NaN if no factor leads from the one to the other.
+        """
         part, whole = (self.value, self.limit) if self.must == "below" else (self.limit, self.value)
-        return whole / part if part else np.inf
+        if part > 0 and whole >= 0:
+            return whole / part
+        return np.inf if part == 0 and whole > 0 else np.nan
 
     def document(self) -> dict[str, Any]:
         """Return the bound as plain data; the warning is empty if the bound is kept."""

@@ -8,8 +8,17 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import NoReturn
 
-PUBLIC = ("interfaces", "signals", "kernel", "kernel_interfaces", "impedance", "contact", "actuation", "errors")
-"""Modules of hilrig 0.1 whose names are now available from `import hilrig`"""
+PUBLIC = {
+    "interfaces": "Law, Task",
+    "signals": "State, Reference",
+    "kernel": "kernel",
+    "kernel_interfaces": "RobotKernels",
+    "impedance": "advance_filter",
+    "contact": "Surface",
+    "actuation": "Actuation",
+    "errors": "HilrigError",
+}
+"""Modules of hilrig 0.1 whose names are now available from `import hilrig` -> an example"""
 ROOMS = {
     "controllers": "kinds.controllers",
     "references": "kinds.references",
@@ -17,6 +26,11 @@ ROOMS = {
     "metrics": "kinds.metrics",
     "robots": "kinds.robots",
     "plugins": "kinds.registry",
+    "quantities": "core.quantities",
+    "law_memory": "core.law_memory",
+    "document": "experiment.document",
+    "rig_settings": "experiment.rig_settings",
+    "safety": "loop.safety",
     "trial": "experiment.trial",
     "plan": "experiment.plan",
     "schema": "experiment.schema",
@@ -35,7 +49,7 @@ class _MovedModules:
         top, _, rest = name.partition(".")
         module = rest.partition(".")[0]
         if top == "hilrig" and module in PUBLIC:
-            _raise(name, "import its names from `hilrig` itself, for example `from hilrig import Law, Parameter`")
+            _raise(name, f"import its names from `hilrig` itself, for example `from hilrig import {PUBLIC[module]}`")
         if top == "hilrig" and module in ROOMS:
             _raise(name, f"it is `hilrig.{ROOMS[module]}{rest[len(module) :]}` now")
         return None

@@ -62,6 +62,18 @@ def load_kind(group: str, kind: str, base: Path | None = None) -> type:
     return _by_name(group, kind)
 
 
+def load_kinds(group: str) -> tuple[dict[str, type], dict[str, str]]:
+    """Return the classes of all kinds of `group` that can be loaded, by name, and why the others cannot."""
+    found: dict[str, type] = {}
+    failed: dict[str, str] = {}
+    for kind in kind_names(group):
+        try:
+            found[kind] = load_kind(group, kind)
+        except PluginError as error:
+            failed[kind] = str(error)
+    return found, failed
+
+
 def is_path(kind: str) -> bool:
     """Return whether `kind` is the path of a user's file, not a name."""
     return kind.endswith(".py") or "/" in kind

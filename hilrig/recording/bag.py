@@ -27,12 +27,13 @@ _MESSAGE_HEAD = 22
 """Bytes of a message record before its payload: channel, sequence, log time, publish time"""
 
 
-def read_bag(path: Path, topics: Iterable[str] | None = None) -> dict[str, dict[str, np.ndarray]]:
+def read_bag(path: str | Path, topics: Iterable[str] | None = None) -> dict[str, dict[str, np.ndarray]]:
     """Return every field of every message: channel -> field -> array, (N,) or (N, k), in order of recording.
 
     `topics` selects channels (default all). Of a bag that was cut off by a crash, everything that reached the disk is
     returned. Raises RunDirectoryError if the file is not a bag, or if its messages are not laid out as they should be.
     """
+    path = Path(path)
     wanted = None if topics is None else {topic.strip("/") for topic in topics}
     payloads: dict[str, list[bytes]] = defaultdict(list)
     definitions: dict[str, Definition] = {}

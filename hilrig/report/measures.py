@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, MutableMapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from hilrig.core.errors import RunDirectoryError
+from hilrig.core.errors import PluginError, RunDirectoryError
 from hilrig.core.interfaces import Metric
 from hilrig.experiment.trial import ALL_PHASES
 from hilrig.kinds import registry as plugins
 from hilrig.kinds.metrics._record import PhaseRecord
+from hilrig.kinds.user_files import code_of
 from hilrig.report.dataset import TrialEntry, TrialSignals
 
 METRIC_COLUMNS = ("trial", "controller", "condition", "repeat", "phase", "metric", "axis", "value", "unit")
@@ -27,12 +28,13 @@ _OVER_TIME = (
 
 
 def all_metrics() -> dict[str, Metric]:
-    """Return every metric with its default parameters, by kind."""
-    return {kind: plugins.load_kind("metrics", kind, None)() for kind in plugins.kind_names("metrics")}
+    """Return every metric that can be loaded, with its default parameters, by kind."""
+    return {kind: cls() for kind, cls in plugins.load_kinds("metrics")[0].items()}
 
 
 def spans(record: PhaseRecord, phases: list[Mapping[str, Any]]) -> Iterator[tuple[str, PhaseRecord]]:
     """Yield (name, record) of each phase with recorded ticks, then of the whole trial under "all"."""
+    record = _read_only(record)
     for phase in phases:
         first, last = (round(phase[edge] / record.period) for edge in ("start", "end"))
         rows = np.flatnonzero((record.tick >= first) & (record.tick < last))
@@ -49,15 +51,46 @@ def _cut(record: PhaseRecord, first: int, last: int) -> PhaseRecord:
     return dataclasses.replace(record, phases=1, reference_step=step, **changed)
 
 
-def measure_trial(trial: TrialEntry, signals: TrialSignals, metrics: Mapping[str, Metric]) -> list[tuple[Any, ...]]:
-    """Return the rows of one trial, in the order of `COLUMNS`."""
+def measure_trial(
+    trial: TrialEntry, signals: TrialSignals, metrics: Mapping[str, Metric], failed: MutableMapping[str, str]
+) -> list[tuple[Any, ...]]:
+    """Return the rows of one trial, in the order of `METRIC_COLUMNS`.
+
+    A metric that fails gives no row. Its kind and the reason go into `failed`, and it is not called again.
+    """
     head = (trial.id, trial.controller, trial.condition, trial.repeat)
-    return [
-        (*head, phase, kind, axis, value, metric.unit)
-        for phase, record in spans(signals.record, trial.document["phases"])
-        for kind, metric in metrics.items()
-        for axis, value in metric.measure(record).items()
-    ]
+    rows = []
+    for phase, record in spans(signals.record, trial.document["phases"]):
+        for kind, metric in metrics.items():
+            try:
+                values = {} if kind in failed else _values(metric, record)
+            except PluginError as error:
+                failed[kind] = str(error)
+            else:
+                rows += [(*head, phase, kind, axis, value, metric.unit) for axis, value in values.items()]
+    return without(failed, rows)
+
+
+def without(failed: Collection[str], rows: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
+    """Return the rows of the metrics that did not fail."""
+    return [row for row in rows if row[METRIC_COLUMNS.index("metric")] not in failed]
+
+
+def _values(metric: Metric, record: PhaseRecord) -> dict[str, float]:
+    """Return what a metric measures, by axis. Raises PluginError if it fails or returns something else."""
+    with code_of(metric):
+        found = metric.measure(record)
+        if not isinstance(found, Mapping):
+            raise TypeError(f"measure returned a {type(found).__name__}; it must return a dict: axis -> value")
+        return {str(axis): float(value) for axis, value in found.items()}
+
+
+def _read_only(record: PhaseRecord) -> PhaseRecord:
+    """Return the record with views of its arrays that nobody can write to: every metric sees the same."""
+    arrays = {name: value.view() for name, value in vars(record).items() if isinstance(value, np.ndarray)}
+    for array in arrays.values():
+        array.flags.writeable = False
+    return dataclasses.replace(record, **arrays)
 
 
 def table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:

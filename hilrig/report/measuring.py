@@ -17,7 +17,7 @@ from hilrig.recording.run_directory import DAMAGED
 from hilrig.recording.timing import terms_of
 from hilrig.report.dataset import RunData, TrialEntry, TrialSignals, align, load_run, read_channels, timing_table
 from hilrig.report.expectations import Expected, judge_expectations
-from hilrig.report.measures import all_metrics, measure_trial, table
+from hilrig.report.measures import all_metrics, measure_trial, table, without
 
 MeasuredRun = Mapping[str, Mapping[str, TrialEntry]]
 """Trials to be drawn: condition -> controller -> trial"""
@@ -41,6 +41,8 @@ class Measured:
     data: RunData
     metrics: pd.DataFrame
     """The tidy table of the trials that are compared"""
+    failed_metrics: Mapping[str, str]
+    """Metrics that failed, which the table leaves out: kind -> reason"""
     expected: list[Expected]
     sources: list[str]
     """Where positions and forces come from: "truth", "measurement" or both; empty if no trial left a usable bag"""
@@ -71,13 +73,15 @@ def measure_run(run: Path, to_draw: bool = False) -> Measured:
     drawn = _first_repeats(data) if to_draw else {}
     most_late = _most_late(data) if to_draw else {}
     shown = (trials.values() for trials in (*drawn.values(), *most_late.values()))
-    reads = _read_all(data, {trial.id for some in shown for trial in some})
-    metrics = table([row for read in reads.values() for row in read.rows])
+    failed: dict[str, str] = {}
+    reads = _read_all(data, {trial.id for some in shown for trial in some}, failed)
+    metrics = table(without(failed, [row for read in reads.values() for row in read.rows]))
     if reads and os.access(run, os.W_OK) and not any(trial.outcome["outcome"] == DAMAGED for trial in data.trials):
         metrics.to_csv(run / "metrics.csv", index=False)
     return Measured(
         data=data,
         metrics=metrics,
+        failed_metrics=failed,
         expected=judge_expectations(data.experiment.get("expect") or [], metrics, data.trials),
         sources=sorted({read.source for read in reads.values()}),
         drawn=drawn,
@@ -118,18 +122,18 @@ def _most_late(data: RunData) -> MeasuredRun:
     }  # fmt: skip
 
 
-def _read_all(data: RunData, kept: Collection[str]) -> dict[str, _Read]:
+def _read_all(data: RunData, kept: Collection[str], failed: dict[str, str]) -> dict[str, _Read]:
     """Read the bags one after the other; return what each usable one contains, by trial id."""
-    reads = {t.id: _read(t, t.id in kept) for t in data.trials if t.counts or t.id in kept}
+    reads = {t.id: _read(t, t.id in kept, failed) for t in data.trials if t.counts or t.id in kept}
     return {name: read for name, read in reads.items() if read is not None}
 
 
-def _read(trial: TrialEntry, keep: bool) -> _Read | None:
+def _read(trial: TrialEntry, keep: bool, failed: dict[str, str]) -> _Read | None:
     channels = read_channels(trial)
     signals = align(channels, trial.document)
     if signals is None:
         return None
-    rows = measure_trial(trial, signals, all_metrics()) if trial.counts else []
+    rows = measure_trial(trial, signals, all_metrics(), failed) if trial.counts else []
     joints = channels["truth" if "truth" in channels else "state"]["joint_position"]
     realtime = terms_of(trial.document).realtime
     stamps = timing_table(channels, trial.timing.get("one_clock", True)) if realtime else None

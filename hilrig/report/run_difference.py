@@ -11,7 +11,7 @@ import pandas as pd
 from hilrig.core.errors import RunDirectoryError
 from hilrig.report.comparison import CELL, interval
 from hilrig.report.dataset import RunData, load_run, read_signals
-from hilrig.report.measures import all_metrics, measure_trial, read_table, table
+from hilrig.report.measures import all_metrics, measure_trial, read_table, table, without
 
 KEY = ["controller", *CELL]
 
@@ -21,11 +21,11 @@ def run_metrics(run: RunData) -> pd.DataFrame:
     stored = run.path / "metrics.csv"
     if stored.exists():
         return read_table(stored)
-    metrics, rows = all_metrics(), []
+    metrics, failed, rows = all_metrics(), {}, []
     for trial in run.trials:
         signals = read_signals(trial) if trial.counts else None
-        rows += measure_trial(trial, signals, metrics) if signals else []
-    return table(rows)
+        rows += measure_trial(trial, signals, metrics, failed) if signals else []
+    return table(without(failed, rows))
 
 
 def compare_runs(run_a: Path, run_b: Path) -> pd.DataFrame:
@@ -84,17 +84,26 @@ def _signed(difference: float) -> str:
 
 def render(differences: pd.DataFrame) -> str:
     """Return the table of `compare` as text for a terminal, "*" where the interval excludes zero, with the notes."""
-    lines = [f"{'controller':14} {'condition':12} {'phase':10} {'metric':28} {'a':>11} {'b':>11} {'b - a':>11} {'':>8}"]
-    rows: Any = differences.itertuples()
-    for row in rows:
-        name = f"{row.metric} {row.axis} [{row.unit}]".replace("  ", " ") if row.unit else f"{row.metric} {row.axis}"
-        mark = "*" if row.low > 0 or row.high < 0 else ""
-        change = f"{row.relative:+.1%}" if np.isfinite(row.relative) else ""
-        lines.append(
-            f"{row.controller:14} {row.condition:12} {row.phase:10} {name:28} "
-            f"{row.a:11.4g} {row.b:11.4g} {_signed(row.difference):>11} {change:>8} {mark}".rstrip()
-        )
-    lines.append(
-        "* the 95 % confidence interval of the paired difference excludes zero; lower is better in every metric"
-    )
+    table: Any = differences.itertuples()
+    rows = [("controller", "condition", "phase", "metric", "first", "second", "change", "", "")]
+    rows += [_cells(row) for row in table]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [
+        "  ".join(
+            cell.ljust(width) if column < 4 else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+    lines.append("Lower is better in every metric.")
+    if any(row[-1] for row in rows):
+        lines.append("* the 95 % confidence interval of the paired difference excludes zero")
     return "\n".join([*lines, *(f"note: {note}" for note in differences.attrs["notes"])])
+
+
+def _cells(row: Any) -> tuple[str, ...]:
+    name = " ".join(filter(None, (row.metric, row.axis, row.unit and f"[{row.unit}]")))
+    mark = "*" if row.low > 0 or row.high < 0 else ""
+    change = f"{row.relative:+.1%}" if np.isfinite(row.relative) else ""
+    values = (f"{row.a:.4g}", f"{row.b:.4g}", _signed(row.difference))
+    return (row.controller, row.condition, row.phase, name, *values, change, mark)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from hilrig.core.errors import PluginError
 from hilrig.core.interfaces import Metric
 from hilrig.core.signals import Array
 from hilrig.experiment.trial import ALL_PHASES
@@ -34,8 +35,14 @@ def components(values: Array, axes: tuple[str, ...]) -> dict[str, Array]:
 def measure_all(
     trial: TrialEntry, signals: TrialSignals, metrics: Mapping[str, Metric], wanted: Iterable[str]
 ) -> list[tuple[Any, ...]]:
-    """Return the rows of one trial: every metric, and the `wanted` measures of the law's memory."""
-    rows = measure_trial(trial, signals, metrics)
+    """Return the rows of one trial: every metric, and the `wanted` measures of the law's memory.
+
+    Raises PluginError if a metric fails.
+    """
+    failed: dict[str, str] = {}
+    rows = measure_trial(trial, signals, metrics, failed)
+    for kind, reason in failed.items():
+        raise PluginError(f"the metric '{kind}' failed: {reason}")
     documents = memory_documents(trial.document["controller"]["kind"])
     for metric in wanted:
         field = memory_field(metric)

@@ -11,7 +11,7 @@ import typer
 
 from hilrig.cli.application import app
 from hilrig.core.compiler import interpret
-from hilrig.core.errors import ExperimentError, PluginError, nearest
+from hilrig.core.errors import ExperimentError, nearest
 
 GROUPS = ("controllers", "drivers", "robots", "references", "disturbances", "metrics")
 
@@ -42,18 +42,13 @@ def kinds(
     if kind is not None:
         _describe(group, kind)
         return
+    classes, failed = plugins.load_kinds(group)
     for name in plugins.kind_names(group):
-        typer.echo(f"{name:20} {_first_line(group, name)}")
+        typer.echo(f"{name:20} {f'cannot be loaded: {failed[name]}' if name in failed else _first_line(classes[name])}")
 
 
-def _first_line(group: str, kind: str) -> str:
-    """Return what the module of a kind says it is; of one that cannot be loaded, why: the others are still listed."""
-    from hilrig.kinds import registry as plugins
-
-    try:
-        cls = plugins.load_kind(group, kind)
-    except PluginError as error:
-        return f"cannot be loaded: {error}"
+def _first_line(cls: type) -> str:
+    """Return what the module of a kind says it is."""
     return (inspect.getdoc(inspect.getmodule(cls)) or "").split("\n")[0]
 
 

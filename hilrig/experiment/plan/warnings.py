@@ -10,6 +10,7 @@ from hilrig.core.errors import Problem
 from hilrig.experiment.document import Keys
 from hilrig.experiment.plan.assessing import PlanAssessment
 from hilrig.experiment.plan.reference_warnings import of_references
+from hilrig.kinds.registry import load_kinds
 
 if TYPE_CHECKING:
     from hilrig.experiment import Experiment
@@ -21,7 +22,13 @@ def warnings(experiment: Experiment, found: PlanAssessment) -> list[Problem]:
     The experiment runs anyway.
     """
     spoken = [*of_references(experiment), *_of_controllers(found), *_of_one(found.task)]
-    return [Problem(experiment.place(*path), message) for path, message in spoken]
+    return [*_of_metrics(), *(Problem(experiment.place(*path), message) for path, message in spoken)]
+
+
+def _of_metrics() -> Iterator[Problem]:
+    """Yield a warning for each installed metric that no report can show."""
+    for kind, reason in load_kinds("metrics")[1].items():
+        yield Problem(None, f"the metric '{kind}' is left out of the report: {reason}")
 
 
 def _of_controllers(found: PlanAssessment) -> Iterator[tuple[Keys, str]]:

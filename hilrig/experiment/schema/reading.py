@@ -213,11 +213,8 @@ def record_schema(cls: type) -> dict[str, Any]:
 def _kinds_schema(group: str, allowed: type | None) -> dict[str, Any]:
     """Return the JSON Schema of a mapping with `kind`: one choice for each kind that can be loaded."""
     choices: list[dict[str, Any]] = []
-    for kind in plugins.kind_names(group):
-        try:
-            cls = plugins.load_kind(group, kind)
-        except PluginError:  # an optional package is missing, so its kinds cannot be used
-            continue
+    classes, _ = plugins.load_kinds(group)  # a kind that cannot be loaded cannot be used either
+    for kind, cls in classes.items():
         if allowed is None or issubclass(cls, allowed):
             choices.append(_kind_schema({"const": kind}, record_schema(cls), cls.__doc__ or ""))
     anything = {"type": "object", "properties": {}, "required": []}

@@ -208,3 +208,11 @@ def test_restoring_needs_no_heavy_import() -> None:
     )
     result = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
+
+
+def test_a_kind_that_cannot_be_loaded_does_not_hide_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    offer(tmp_path, monkeypatch, "metrics", "theirs = no_such_module")
+    found, failed = plugins.load_kinds("metrics")
+    assert {"force_rmse", "effort"} <= set(found)
+    assert list(failed) == ["theirs"]
+    assert "'theirs' of metrics cannot be imported: ModuleNotFoundError" in failed["theirs"]

@@ -65,7 +65,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_what_was_written_is_read_back(bag: Path) -> None:
-    channels = read_bag(bag)
+    channels = read_bag(str(bag))
     assert set(channels) == {"state", "internals"}
     for tick in range(TICKS):
         for name, expected in zip(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -136,9 +138,43 @@ def test_a_phase_is_measured_with_its_own_step_of_the_reference() -> None:
     whole = record(10, phases=2, reference_position=desired, position=position)
     trial = trial_entry("a", "rough", 3, phases=tuple(PHASES))
     head = ("a.rough.3", "a", "rough", 3)
-    assert measure_trial(
-        trial, TrialSignals(whole, {}, "truth"), {"settling_time": all_metrics()["settling_time"]}
-    ) == [
+    settling = {"settling_time": all_metrics()["settling_time"]}
+    assert measure_trial(trial, TrialSignals(whole, {}, "truth"), settling, {}) == [
         (*head, "before", "settling_time", "x", 0.0, "s"),
         (*head, "after", "settling_time", "x", pytest.approx(2 * PERIOD), "s"),
     ]
+
+
+class Theirs:
+    """A metric of a stranger's package."""
+
+    unit = "N"
+
+    def __init__(self, measure: Callable[[Any], Any]) -> None:
+        self.measure = measure
+
+
+def overwrite(found: Any) -> dict[str, float]:
+    found.force[:] = 0.0
+    return {"": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("measure", "words"),
+    [
+        (lambda found: found.missing, "AttributeError: 'PhaseRecord' object has no attribute 'missing'"),
+        (lambda found: 1.0, "measure returned a float; it must return a dict: axis -> value"),
+        (lambda found: {"x": "high"}, "could not convert string to float: 'high'"),
+        (overwrite, "assignment destination is read-only"),
+        (lambda found: sys.exit(3), "sys.exit(3) was called"),
+    ],
+)
+def test_a_metric_that_fails_is_left_out_and_named_and_the_others_are_measured(measure: Any, words: str) -> None:
+    trial, signals = trial_entry("a", "rough", 0), TrialSignals(record(10), {}, "truth")
+    metrics: Any = {"theirs": Theirs(measure), **all_metrics()}
+    failed: dict[str, str] = {}
+    rows = measure_trial(trial, signals, metrics, failed)
+    assert rows == measure_trial(trial, signals, all_metrics(), {})
+    assert list(failed) == ["theirs"]
+    assert words in failed["theirs"]
+    assert "test_measures.py" in failed["theirs"], "it names the file"

@@ -60,6 +60,14 @@ def test_a_difference_beyond_its_spread_is_marked(tmp_path: Path, change: list[f
     assert line.endswith("*") == marked
 
 
+def test_long_names_keep_the_columns_in_line(tmp_path: Path) -> None:
+    a, b = (frame.assign(phase="a_phase_with_a_long_name", controller="a_controller_with_one") for frame in (A, B))
+    head, *lines = render(compare_runs(run(tmp_path / "a", a), run(tmp_path / "b", b))).splitlines()
+    rows = [line for line in lines if line.startswith("a_controller")]
+    assert rows
+    assert {line.index("position_rmse") for line in rows if "position_rmse" in line} == {head.index("metric")}
+
+
 def test_a_name_made_of_digits_stays_a_string(tmp_path: Path) -> None:
     a, b = A.assign(controller="007"), B.assign(controller="007")
     assert compare_runs(run(tmp_path / "a", a), run(tmp_path / "b", b))["controller"][0] == "007"
