@@ -84,15 +84,15 @@ def copied(state: State) -> State:
 
 def checked(torque: Any, trial: Trial) -> Array:
     """Return a law's torque as an array. Raises PluginError if it is not one number for each joint."""
+    if torque is None:
+        raise wrong_torque("None, not an array", trial)
     array, joints = np.asarray(torque, dtype=np.float64), trial.driver.robot.joints
     if array.shape != (joints,):
-        raise wrong_torque(array.shape, trial)
+        raise wrong_torque(f"an array of shape {array.shape}", trial)
     return array
 
 
-def wrong_torque(shape: tuple[int, ...], trial: Trial) -> PluginError:
-    """Return the error for a law whose torque does not have the shape (n,)."""
-    return PluginError(
-        f"controller '{trial.controller_name}': step returned an array of shape {shape}; "
-        f"the robot needs {(trial.driver.robot.joints,)}"
-    )
+def wrong_torque(returned: str, trial: Trial) -> PluginError:
+    """Return the error for a law that returned something else than a torque (n,)."""
+    wanted = f"the robot needs one of shape {(trial.driver.robot.joints,)}"
+    return PluginError(f"controller '{trial.controller_name}': step returned {returned}; {wanted}")

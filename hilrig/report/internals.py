@@ -65,7 +65,8 @@ def internals_figure(trial: TrialEntry, signals: TrialSignals) -> PanelPicture |
         for k, name in enumerate(fields):
             axes = figure.add_subplot(grid[k // INTERNALS_COLUMNS, k % INTERNALS_COLUMNS])
             notes += _memory_panel(axes, name, signals, documents.get(name, ""))
-    caption = f"Repeat {trial.repeat}. All {len(fields)} fields of the law's memory."
+    shown = f"All {len(fields)} fields" if len(fields) > 1 else "The only field"
+    caption = f"Repeat {trial.repeat}. {shown} of the law's memory."
     text = " ".join([caption, *(f"{note}." for note in notes)])
     return PanelPicture(f"internals_{trial.controller}", f"Internals of {trial.controller}", text, figure)
 

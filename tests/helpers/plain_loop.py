@@ -84,7 +84,9 @@ class PlainController:
         reference = Reference(*(signal[tick].copy() for signal in self._references))
         asked = np.asarray(self._law.step(self._law.parameters, self._law.memory, state, reference))
         if asked.shape != (self._robot.joints,):
-            raise PluginError(f"step returned an array of shape {asked.shape}; the robot needs ({self._robot.joints},)")
+            raise PluginError(
+                f"step returned an array of shape {asked.shape}; the robot needs one of shape ({self._robot.joints},)"
+            )
         if not np.isfinite(asked).all():
             raise Tripped(f"tick {tick}: the torque of controller 'mine' is not finite: {asked}")
         largest, k_ref = self._robot.torque_limits(), self._trial.driver.servo_gain

@@ -101,7 +101,12 @@ def test_a_stopped_controller_is_noticed(start, experiment, tmp_path: Path, monk
         (
             "return torque[:1]",
             "failed",
-            "controller 'faulty': step returned an array of shape (1,); the robot needs (2,)",
+            "controller 'faulty': step returned an array of shape (1,); the robot needs one of shape (2,)",
+        ),
+        (
+            "return None",
+            "failed",
+            "controller 'faulty': step returned None, not an array; the robot needs one of shape",
         ),
         ("return torque * np.nan", "tripped", "the torque of controller 'faulty' is not finite"),
         ("return torque + [100.0, 0.0]", "tripped", "over the limit of"),

@@ -24,9 +24,7 @@ def check(experiment: ExperimentFile, override: Overrides = None, as_json: AsJso
         print_json({"name": loaded.name, "trials": len(trials), "warnings": listed, "bounds": found.document()})
         return
     echo_warnings(warnings)
-    duration = sum(trial.ticks * trial.period for trial in trials)
-    names = ", ".join(loaded.controllers)
+    duration, names = sum(trial.ticks * trial.period for trial in trials), ", ".join(loaded.controllers)
+    count = f"{len(trials)} trial{'s' * (len(trials) != 1)}"
     typer.echo(f"{experiment}: ready to run")
-    typer.echo(
-        f"  {len(trials)} trials ({names}), {duration:g} s in all, period {loaded.period * 1e3:g} ms, {loaded.clock}"
-    )
+    typer.echo(f"  {count} ({names}), {duration:g} s in all, period {loaded.period * 1e3:g} ms, {loaded.clock}")

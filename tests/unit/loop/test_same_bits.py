@@ -113,7 +113,7 @@ def test_a_law_that_raises_in_a_kernel_raises_here() -> None:
 def test_a_torque_of_another_shape_is_refused_alike() -> None:
     subject = trial(controller=Numpy("shape"))
     for run in (run_plainly, pass_messages):
-        with pytest.raises(PluginError, match=r"step returned an array of shape \(1,\); the robot needs \(2,\)"):
+        with pytest.raises(PluginError, match=r"an array of shape \(1,\); the robot needs one of shape \(2,\)"):
             run(subject, sizes=memory_of(subject))
 
 
