@@ -1,0 +1,77 @@
+"""The examples of the guides for plug-in authors, each written to a file of its own and run."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from helpers.experiments import EXPERIMENTS
+from helpers.guides import DOCS, block_with
+from helpers.rules import broken
+
+from hilrig.core.signals import Array
+from hilrig.experiment import load
+from hilrig.experiment.plan import plan
+from hilrig.recording.bag import read_bag
+from hilrig.report.internals import memory_documents, unit_of
+from hilrig.rig.in_process import run_in_process
+from hilrig.testing.scenario import scenario
+
+CONTROLLERS = DOCS / "controllers.md"
+LAW = EXPERIMENTS / "my_controller.py"
+
+
+def recorded(experiment: Path, overrides: Sequence[str] = ()) -> dict[str, dict[str, dict[str, Array]]]:
+    """Run every trial of an experiment in this process; return each bag by the trial's id."""
+    trials, folder = plan(load(experiment, overrides)), experiment.parent
+    for trial in trials:
+        outcome = run_in_process(folder, trial)
+        assert outcome.outcome == "completed", outcome.reason
+    return {trial.id: read_bag(folder / "trials" / trial.id / "bag.mcap") for trial in trials}
+
+
+def kernel_version() -> str:
+    """Return my_controller.py with the changes of the guide."""
+    law = LAW.read_text()
+    imports = re.search(r"with `(from hilrig import .*?)`", CONTROLLERS.read_text())
+    assert imports is not None
+    law = law[: law.index("    def step(")]
+    law = law.replace("from hilrig import Law, Parameter, advance_filter, model_torque", imports[1])
+    law = law.replace("        return Law(self.step, task, memory)\n", block_with(CONTROLLERS, "return Law(step"))
+    return law + "\n\n" + block_with(CONTROLLERS, "@kernel")
+
+
+def test_the_kernel_version_of_the_example_keeps_the_rules_and_does_the_same(tmp_path: Path) -> None:
+    assert broken("controllers", kernel_version(), tmp_path) == {}
+    (tmp_path / "my_controller.py").write_text(LAW.read_text())
+    path = tmp_path / "both.yaml"
+    path.write_text(
+        (EXPERIMENTS / "my_controller.yaml").read_text().replace("pd: {kind: pd}", "kernel: {kind: ./mine.py}")
+    )
+    bags = recorded(path, ["phases.0.duration=0.5 s"])
+    for condition in ("soft", "stiff"):
+        plain, kernel = bags[f"mine.{condition}.0"], bags[f"kernel.{condition}.0"]
+        for channel in ("truth", "command", "internals"):
+            for name, values in plain[channel].items():
+                np.testing.assert_allclose(kernel[channel][name], values, rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+def test_the_guide_tells_how_long_the_example_is() -> None:
+    assert f"a complete one in {len(LAW.read_text().splitlines())} lines" in CONTROLLERS.read_text()
+
+
+def test_the_report_reads_the_units_of_the_example() -> None:
+    assert [unit_of(text) for text in memory_documents(str(LAW)).values()] == ["m", "m/s", "m s"]
+
+
+def test_a_law_takes_from_the_reference_what_the_axis_is_controlled_by() -> None:
+    given = scenario(2)
+    state, reference = given.ticks[57]
+    names = {"task": given.task, "state": state, "reference": reference, "self": type("", (), {"stiffness": 800.0})}
+    exec(textwrap.dedent(block_with(CONTROLLERS, "sigma = task")), names)
+    along_x = 800.0 * (reference.position[0] - state.position[0])
+    np.testing.assert_allclose(names["force"], [along_x, reference.force[1]])
+    assert reference.force[1] > 0
