@@ -4,23 +4,33 @@ from __future__ import annotations
 
 import re
 import textwrap
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pytest
 from helpers.experiments import EXPERIMENTS
-from helpers.guides import DOCS, block_with
+from helpers.guides import DOCS, block_with, blocks, write_files
+from helpers.packages import offer
 from helpers.rules import broken
 
 from hilrig.core.signals import Array
 from hilrig.experiment import load
 from hilrig.experiment.plan import plan
+from hilrig.kinds.registry import kind_names, load_kind
 from hilrig.recording.bag import read_bag
 from hilrig.report.internals import memory_documents, unit_of
 from hilrig.rig.in_process import run_in_process
+from hilrig.testing.records import flawed
 from hilrig.testing.scenario import scenario
 
-CONTROLLERS = DOCS / "controllers.md"
+CONTROLLERS, DRIVERS, KINDS = DOCS / "controllers.md", DOCS / "drivers.md", DOCS / "kinds.md"
+FILES = {
+    "slide.py": "robots", "chirp.py": "references", "gusts.py": "disturbances", "force_excess.py": "metrics",
+    "mass.py": "drivers",
+}  # fmt: skip
+"""The examples that are files of their own, with their groups"""
 LAW = EXPERIMENTS / "my_controller.py"
 
 
@@ -75,3 +85,50 @@ def test_a_law_takes_from_the_reference_what_the_axis_is_controlled_by() -> None
     along_x = 800.0 * (reference.position[0] - state.position[0])
     np.testing.assert_allclose(names["force"], [along_x, reference.force[1]])
     assert reference.force[1] > 0
+
+
+@pytest.fixture
+def examples(tmp_path: Path) -> Path:
+    """Return a folder with every file of the guides to drivers and to other kinds."""
+    written = {*write_files(DRIVERS, tmp_path), *write_files(KINDS, tmp_path)}
+    assert written == {*FILES, "mass.yaml", "own.yaml"}
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_an_example_keeps_the_rules_of_its_group(name: str, examples: Path) -> None:
+    values = {"robot": load_kind("robots", "./slide.py", examples)()} if name == "mass.py" else {}
+    assert broken(FILES[name], (examples / name).read_text(), examples, **values) == {}
+
+
+def test_the_driver_runs_in_its_experiment_and_presses(examples: Path) -> None:
+    (bag,) = recorded(examples / "mass.yaml").values()
+    assert bag["truth"]["wrench"][-1, 2] == pytest.approx(3.5, rel=0.05)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in kind_names("controllers") if kind != "pd"])
+def test_every_controller_runs_on_the_driver_with_one_axis(kind: str, examples: Path) -> None:
+    recorded(examples / "mass.yaml", [f"controllers.pd.kind={kind}", "phases.0.duration=0.1 s"])
+
+
+def test_robot_reference_disturbance_and_driver_run_in_one_experiment(examples: Path) -> None:
+    calm, gusts = recorded(examples / "own.yaml", ["phases.0.duration=0.5 s"]).values()
+    wanted = calm["internals"]["reference_force"][:, 0]
+    assert wanted[0] == pytest.approx(3.5)
+    assert wanted[-1] > 4.0
+    np.testing.assert_array_equal(wanted, gusts["internals"]["reference_force"][:, 0])
+    assert np.ptp(gusts["truth"]["wrench"][:, 2] - calm["truth"]["wrench"][:, 2]) > 0.1
+
+
+def test_the_metric_is_found_by_its_entry_point(examples: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (entries,) = tomllib.loads(blocks(KINDS, "toml")[0])["project"]["entry-points"].items()
+    assert entries == ("hilrig.metrics", {"force_excess": "my_rig.force_excess"})
+    (examples / "my_rig").mkdir()
+    (examples / "force_excess.py").rename(examples / "my_rig" / "force_excess.py")
+    offer(examples, monkeypatch, "metrics", "force_excess = my_rig.force_excess")
+    assert "force_excess" in kind_names("metrics")
+    (value,) = load_kind("metrics", "force_excess")().measure(flawed()).values()
+    assert value > 0
+    text = (examples / "own.yaml").read_text()
+    (examples / "own.yaml").write_text(text + "expect:\n  - {metric: force_excess, controller: pd, below: 0.2 N}\n")
+    assert load(examples / "own.yaml").expect[0].below == 0.2
