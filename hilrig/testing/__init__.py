@@ -4,7 +4,7 @@
 
     test_my_controller = contract("controllers", "./my_controller.py")
 
-makes one test for each rule. `uv run python -m hilrig.testing controllers ./my_controller.py` runs the same without a file.
+makes one test for each rule. `python -m hilrig.testing controllers ./my_controller.py` runs the same without a file.
 """
 
 from importlib.util import find_spec

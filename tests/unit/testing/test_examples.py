@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 import textwrap
 import tomllib
 from collections.abc import Sequence
@@ -13,6 +15,8 @@ import pytest
 from helpers.experiments import EXPERIMENTS
 from helpers.guides import DOCS, block_with, blocks, write_files
 from helpers.packages import offer
+from helpers.patience import PATIENCE
+from helpers.real_rig import PROJECT
 from helpers.rules import broken
 
 from hilrig.core.signals import Array
@@ -21,6 +25,7 @@ from hilrig.experiment.plan import plan
 from hilrig.kinds.registry import kind_names, load_kind
 from hilrig.recording.bag import read_bag
 from hilrig.report.internals import memory_documents, unit_of
+from hilrig.report.measuring import measure_run
 from hilrig.rig.in_process import run_in_process
 from hilrig.testing.records import flawed
 from hilrig.testing.scenario import scenario
@@ -132,3 +137,18 @@ def test_the_metric_is_found_by_its_entry_point(examples: Path, monkeypatch: pyt
     text = (examples / "own.yaml").read_text()
     (examples / "own.yaml").write_text(text + "expect:\n  - {metric: force_excess, controller: pd, below: 0.2 N}\n")
     assert load(examples / "own.yaml").expect[0].below == 0.2
+
+
+def test_a_run_is_analysed_as_the_readme_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changes = ("conditions={noisy: [{kind: sensor_noise, force: 0.05 N}]}", "phases.0.duration=1.2 s", "repeats=2")
+    options = ["--in-process", "--no-report", *(word for change in changes for word in ("--set", change))]
+    command = [sys.executable, "-m", "hilrig", "run", str(EXPERIMENTS / "quickstart.yaml"), *options]
+    subprocess.run(command, cwd=tmp_path, check=True, timeout=PATIENCE)
+    measure_run(next((tmp_path / "runs").iterdir()))
+    monkeypatch.chdir(tmp_path)
+    exec(block_with(PROJECT / "README.md", "read_bag"), {})
+    printed = capsys.readouterr().out
+    assert re.search(r"proposed +all +\d\.\d+ +0\.0", printed)
+    assert re.search(r"largest force error after 1 s: 0\.\d\d N", printed)
