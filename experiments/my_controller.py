@@ -11,9 +11,12 @@ from hilrig import Law, Parameter, advance_filter, model_torque
 class Memory(NamedTuple):
     """What the law remembers; every field is recorded and drawn in the report."""
 
-    filter_position: np.ndarray  # p_d, (m,) m
-    filter_velocity: np.ndarray  # v_d, (m,) m/s
-    integral: np.ndarray  # of p_d - x, (m,) m s
+    filter_position: np.ndarray
+    """p_d, (m,) m"""
+    filter_velocity: np.ndarray
+    """v_d, (m,) m/s"""
+    integral: np.ndarray
+    """of p_d - x, (m,) m s"""
 
 
 @dataclass(frozen=True)

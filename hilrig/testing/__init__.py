@@ -1,4 +1,4 @@
-"""The rules that every kind keeps, as tests for the author of one; needs pytest: `pip install 'hilrig[test]'`.
+"""The rules that every kind keeps, as tests for the author of one; needs pytest, the extra `hilrig[test]`.
 
     from hilrig.testing import contract
 
@@ -10,7 +10,7 @@ makes one test for each rule. `python -m hilrig.testing controllers ./my_control
 from importlib.util import find_spec
 
 if find_spec("pytest") is None:
-    raise ModuleNotFoundError("hilrig.testing needs pytest: pip install 'hilrig[test]'", name="pytest")
+    raise ModuleNotFoundError("hilrig.testing needs pytest: uv add --editable 'PATH/TO/hilrig[test]'", name="pytest")
 
 from hilrig.testing.contract import contract as contract  # (not before: it imports pytest)
 

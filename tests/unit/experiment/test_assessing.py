@@ -22,6 +22,7 @@ from hilrig.experiment import load
 from hilrig.experiment.plan import plan
 from hilrig.experiment.plan.assessing import assess, setting_of
 from hilrig.experiment.plan.warnings import warnings
+from hilrig.kinds.registry import load_kind
 
 QUICKSTART = EXPERIMENTS / "quickstart.yaml"
 numbers = st.floats(-1e6, 1e6).filter(lambda value: abs(value) > 1e-6)
@@ -163,6 +164,16 @@ def test_a_users_law_offers_bounds_of_its_own(tmp_path: Path) -> None:
     (bound,) = assess(experiment, plan(experiment)).controllers["mine"].bounds
     heaviest = max(1 / np.linalg.inv(tip_inertia(arm(), x, 0.35))[0, 0] for x in 0.2 * np.sin(np.arange(0, 6, 0.01)))
     assert bound.value == pytest.approx(50.0 / (2 * np.sqrt(800.0 * heaviest)), rel=1e-4)
+
+
+def test_the_example_says_what_it_cannot_judge_of_a_robot_without_a_model(tmp_path: Path) -> None:
+    with_hook(tmp_path, documented())
+    setting = setting_of([estimating()])
+    blind = setting._replace(paths=tuple(path._replace(mobility=None) for path in setting.paths))
+    found = load_kind("controllers", "./my_controller.py", tmp_path)().assess(blind)
+    assert found.bounds == ()
+    (sentence,) = found.unknown
+    assert sentence.endswith("the robot has no model")
 
 
 def test_a_users_law_can_ask_for_the_bounds_of_time_delay_estimation(tmp_path: Path) -> None:

@@ -108,4 +108,4 @@ def test_a_group_that_is_not_there_is_refused() -> None:
 def test_without_pytest_the_message_says_how_to_get_it(tmp_path: Path) -> None:
     call = "import sys; sys.modules['pytest'] = None; import hilrig.testing"
     done = subprocess.run([sys.executable, "-c", call], capture_output=True, text=True, timeout=PATIENCE, check=False)
-    assert "hilrig.testing needs pytest: pip install 'hilrig[test]'" in done.stderr
+    assert "hilrig.testing needs pytest: uv add --editable 'PATH/TO/hilrig[test]'" in done.stderr

@@ -8,14 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+from helpers.guides import DOCS, blocks, write_files
 from helpers.patience import PATIENCE
-from helpers.real_rig import PROJECT
 
-GUIDE = (PROJECT / "docs" / "testing.md").read_text(encoding="utf-8")
-
-
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", GUIDE, re.MULTILINE | re.DOTALL)
+GUIDE = DOCS / "testing.md"
 
 
 def run(folder: Path, *arguments: str) -> str:
@@ -27,18 +23,19 @@ def run(folder: Path, *arguments: str) -> str:
 
 
 def test_the_example_fails_as_the_guide_says_and_passes_when_it_is_mended(tmp_path: Path) -> None:
-    for block in blocks("python"):
-        (tmp_path / block.partition("\n")[0].removeprefix("# ")).write_text(block)
-    failed, sentence = blocks("text")[0].splitlines()
-    (command,) = blocks("sh")
+    assert write_files(GUIDE, tmp_path) == ["my_damper.py", "test_my_damper.py"]
+    failed, sentence = blocks(GUIDE, "text")[0].splitlines()
+    (command,) = blocks(GUIDE, "sh")
+    words = shlex.split(command)
+    assert words[:4] == ["uv", "run", "python", "-m"]
     by_file = run(tmp_path, "pytest", "test_my_damper.py")
     assert failed in by_file
     assert by_file.count(sentence) >= 1
     assert "1 failed, " in by_file
-    assert sentence in run(tmp_path, *shlex.split(command)[2:])
+    assert sentence in run(tmp_path, *words[4:])
 
     law = (tmp_path / "my_damper.py").read_text()
-    mended = re.search(r"Write `(.*?)`", GUIDE)
+    mended = re.search(r"Write `(.*?)`", GUIDE.read_text(encoding="utf-8"))
     assert mended is not None
     slip = "error = reference.force\n        error -= state.force\n"
     assert slip in law
