@@ -1,4 +1,4 @@
-"""kinds: what an experiment file can name, and with which parameters."""
+"""kinds: the kinds that an experiment file can name, and their parameters."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def kinds(
 
 
 def _first_line(group: str, kind: str) -> str:
-    """Return what the module of a kind says it is; of one that cannot be loaded, why: the others are still listed."""
+    """Return the summary line of a kind's module, or why it cannot be loaded: the other kinds are still listed."""
     from hilrig.kinds import registry as plugins
 
     try:
