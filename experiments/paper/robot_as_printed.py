@@ -10,7 +10,8 @@ from hilrig.kinds.robots.planar_2r import Geometry, Planar2r, fill_kinematics
 
 @dataclass(frozen=True)
 class RobotAsPrinted(Planar2r):
-    """`planar_2r`, but control laws are told J = [[s1 + s12, s12], [c12, c12 + c1]], the derivative of no position.
+    """`planar_2r`, but control laws get J = [[s1 + s12, s12], [c12, c12 + c1]], which is not the derivative of any
+    position.
 
     The plant itself moves by the true Jacobian.
     """

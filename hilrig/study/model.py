@@ -86,7 +86,7 @@ class Claim:
 class Study:
     """A study to reproduce, as declared in its file."""
 
-    hilrig: Annotated[Literal[1], Parameter("", "version of this file's form: 1")]
+    hilrig: Annotated[Literal[1], Parameter("", "version of the file format: 1")]
     title: Annotated[str, Parameter("", "the publication that is reproduced")]
     out: Annotated[str, Parameter("", "folder of the result, relative to where hilrig is called")]
     experiments: Annotated[tuple[str, ...], Parameter("", "experiment files, relative to this one")]
