@@ -45,7 +45,7 @@ def main():
 
 
 def load(transport):
-    """Return the module in the file <transport>.py beside this one."""
+    """Return the module in the file <transport>.py next to this one."""
     spec = importlib.util.spec_from_file_location(transport, Path(__file__).with_name(f"{transport}.py"))
     assert spec is not None
     assert spec.loader is not None

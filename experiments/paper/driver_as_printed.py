@@ -1,4 +1,4 @@
-"""The paper's plant with the Coriolis matrix as it is printed. docs/paper.md says what it does."""
+"""The paper's plant with the Coriolis matrix as printed. docs/paper.md says what it does."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""The paper's arm with the Jacobian as it is printed. docs/paper.md says what it does."""
+"""The paper's arm with the Jacobian as printed. docs/paper.md says what it does."""
 
 from dataclasses import dataclass
 

@@ -22,7 +22,7 @@ CHILD_ENVIRONMENT = {
 READY_TIMEOUT_S = float(os.environ.get("HILRIG_READY_TIMEOUT", "180"))
 """How long a process may take to get ready; the first trial on a machine compiles its kernels"""
 SILENCE_TIMEOUT_S = float(os.environ.get("HILRIG_SILENCE_TIMEOUT", "15"))
-"""How long a trial may make no progress before it counts as hung"""
+"""How long a trial may go without progress before it counts as hung"""
 TERM_TIMEOUT_S = 5.0
 """How long a process that was told to end may take before the next step"""
 KILL_TIMEOUT_S = 5.0

@@ -154,7 +154,7 @@ class Views:
                 self._send(self._maker)
         except Exception:
             traceback.print_exc()
-            print("the live view stops here; recording goes on", flush=True)
+            print("the live view stops here; recording continues", flush=True)
             self._maker = None
 
     def _send(self, maker: ViewMaker) -> None:

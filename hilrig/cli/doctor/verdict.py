@@ -54,7 +54,7 @@ class Readiness(NamedTuple):
 
     word: Literal["ready", "usable with late ticks", "not ready"]
     because: tuple[str, ...]
-    """Reasons against a better verdict; empty if the machine is ready"""
+    """What prevents a better verdict; empty if the machine is ready"""
 
 
 def summarise_probe(stamps: ProbeStamps, steal: float, setup: dict[str, Report]) -> Probe:

@@ -71,7 +71,7 @@ def it_adds_to_what_is_there(disturbance: Disturbance) -> None:
         if name.endswith("_loss"):
             expected = np.maximum(before, alone[name])
         agrees = np.allclose(both[name], expected, rtol=1e-9, atol=1e-12)
-        require(agrees, f"{name} is not what was there and what it gives alone, taken together")
+        require(agrees, f"{name} is not what was there combined with what it gives alone")
 
 
 @rule("disturbances")
