@@ -83,7 +83,7 @@ def require(condition: Any, what: str, *values: Any) -> None:
 
 @contextmanager
 def noting(where: str) -> Iterator[None]:
-    """Note on an error of the kind where it occurred: "on 3 axes it raised ..."."""
+    """Add a note to an error of the kind that says where it occurred: "on 3 axes it raised ..."."""
     try:
         yield
     except Broken:
