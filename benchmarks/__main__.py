@@ -1,4 +1,4 @@
-"""The command line: python -m benchmarks. What takes long to import is imported by the command that needs it."""
+"""The command line: python -m benchmarks. Slow imports are done by the command that needs them."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def measure(
         ),
     ] = None,
 ) -> None:  # fmt: skip
-    """Measure hilrig's loop beside a bare exchange, other transports and cyclictest, on this machine.
+    """Compare hilrig's loop with a bare exchange, other transports and cyclictest, on this machine.
 
     One interleaved run of about twelve minutes. Leave the machine alone while it runs.
 
@@ -83,8 +83,8 @@ def stalls(
 ) -> None:
     """Inject stalls of 1 to 5 ms, and compare what the timing certificate finds with what was injected.
 
-    The driver and the controller sleep, are stopped or compute for too long, and the bus delays or loses messages, at
-    random ticks. Two trials in real time, without and with these faults; about a minute.
+    At random ticks, the driver and the controller sleep, are stopped or compute for too long, and the bus delays or
+    loses messages. Two trials in real time, without and with these faults; about a minute.
 
     Exit code: 0 measured, whatever the figures.
     """
@@ -106,8 +106,8 @@ def digest(
 ) -> None:
     """Print a digest of what each trial of a run recorded, to compare the bits of two versions.
 
-    A line each: the trial, then the first 16 hex digits of the SHA-256 of all messages on /command, /internals, /state
-    and /truth. Time stamps are left out.
+    One line per trial: its name, then the first 16 hex digits of the SHA-256 of all messages on /command, /internals,
+    /state and /truth. Time stamps are left out.
     """
     from benchmarks.digest import digests, line
 
@@ -164,7 +164,7 @@ def _show(found: dict[str, Any]) -> None:
         typer.echo(line)
     for table in tables(found):
         typer.echo("")
-        # The first column, without a heading, holds words; so does the one that says why something is missing.
+        # The first column, without a heading, contains words, and so does the one that says why something is missing.
         columns = {heading: "" if heading in ("", "why") else "right" for heading in table.columns}
         print_table(table.title, columns, table.rows)
     for line in found["warnings"]:

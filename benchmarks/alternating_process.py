@@ -1,7 +1,7 @@
-"""A driver or controller process that stamps its ticks in every other block only; its argument is the rig's orders.
+"""A driver or controller process that stamps its ticks only in every other block; its argument is the rig's orders.
 
-The loop tests the setting `rig.certificate` once a tick. Here it is a list, which is true while it is not empty: this
-test costs the loop no more than that of a bool. See docs/decisions/0022-what-the-certificate-costs.md.
+The loop tests the setting `rig.certificate` once per tick. Here it is a list, which is true while it is not empty: this
+test costs the loop no more than testing a bool. See docs/decisions/0022-what-the-certificate-costs.md.
 """
 
 from __future__ import annotations

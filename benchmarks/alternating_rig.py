@@ -1,6 +1,6 @@
 """hilrig with stamps in every other block of ticks: python -m benchmarks.alternating_rig, with hilrig's arguments.
 
-It starts `alternating_process` where hilrig starts the process of the driver or of the controller; all else is hilrig.
+It starts `alternating_process` where hilrig starts the driver or controller process; everything else is hilrig.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ REPLACED = {f"hilrig.rig.{role}_process": STAND_IN for role in ("driver", "contr
 
 
 class Popen(subprocess.Popen[Any]):
-    """Starts the stand-in for a module that is to be replaced, and any other command as it is."""
+    """Starts the stand-in for a replaced module, and any other command unchanged."""
 
     def __init__(self, args: Sequence[str], *more: Any, **options: Any) -> None:
         super().__init__([REPLACED.get(word, word) for word in args], *more, **options)

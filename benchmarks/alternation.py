@@ -1,7 +1,7 @@
-"""What time stamps cost: one trial that is stamped in every other block of ticks, compared block by block.
+"""The cost of time stamps: one trial that is stamped in every other block of ticks, compared block by block.
 
-Two trials of the same thing differ by some ten percent, because their memory lies elsewhere and the host does other
-things meanwhile. A block and its neighbours, 0.1 s apart in the same processes, do not.
+Two identical trials differ by about ten percent, because their memory layout and the other load on the host differ. A
+block and its neighbours, 0.1 s apart in the same processes, do not.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ RIG = "benchmarks.alternating_rig"
 
 
 def costs(ticks: NDArray[np.int64], woke: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the fraction of the rate that stamps cost, for each block without them that lies between two with them.
+    """Return the fraction of the rate that stamps cost, for each block without stamps between two blocks with stamps.
 
     Let u be the time of a tick without stamps, and s that of a tick with them in the blocks before and after: the cost
-    is 1 - u / s. `ticks` are the stamped ones, rising, and `woke` (ns) is when each began, both (N,).
+    is 1 - u / s. `ticks` are the stamped ones, ascending, and `woke` (ns) is when each began, both (N,).
     """
     first = np.flatnonzero(np.diff(ticks, prepend=-2) > 1)
     last = np.append(first[1:], ticks.size) - 1
-    # The last block of a trial may be cut short, to a single tick even: it says little.
+    # The last block of a trial may be cut short, even to a single tick, so it is not meaningful.
     whole = last - first >= last[:1] - first[:1]
     first, last = first[whole], last[whole]
     stamped = (woke[last] - woke[first]) / (last - first)
@@ -37,7 +37,7 @@ def costs(ticks: NDArray[np.int64], woke: NDArray[np.int64]) -> NDArray[np.float
 
 
 def certificate_cost(call: TrialCall) -> dict[str, float]:
-    """Run the trial on `RIG`; return the median of `costs` and the number of blocks that it is of.
+    """Run the trial on `RIG`; return the median of `costs` and the number of blocks behind it.
 
     Raises RigError if driver and controller did not stamp the same ticks, or if there are too few blocks.
     """

@@ -1,4 +1,4 @@
-"""cyclictest of rt-tests: how late this machine wakes a thread that does nothing else."""
+"""cyclictest from rt-tests: how late this machine wakes a thread that does nothing else."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ def _run(place: Placement, duration: float, period: float, out: Path) -> None:
 def quantities(thread: Mapping[str, Any]) -> dict[str, float]:
     """Return wakeups, over_1ms, over_1ms_fraction and lateness_{p50,p99,max}_us of a thread in cyclictest's JSON.
 
-    `histogram` there counts the cycles by lateness in whole microseconds, rounded down; `cycles` is their number with
-    those beyond the histogram, which count here as late as the latest, `max`. A quantile is the lowest lateness that
-    so many cycles do not exceed. Raises RigError if there was no cycle.
+    `histogram` there counts the cycles by lateness in whole microseconds, rounded down; `cycles` is their number
+    including those beyond the histogram, whose lateness is taken as the largest, `max`. A quantile is the lowest
+    lateness that this fraction of cycles does not exceed. Raises RigError if there was no cycle.
     """
     counts = {int(lateness): int(count) for lateness, count in thread["histogram"].items()}
     total, largest = int(thread["cycles"]), int(thread["max"])

@@ -1,6 +1,6 @@
-"""A digest of what a run recorded, so that the bits of two versions of hilrig can be compared.
+"""A digest of the recording of a run, so that two versions of hilrig can be compared bit by bit.
 
-Bags are read with mcap alone: a fault in hilrig's own reading cannot hide a difference.
+Bags are read with mcap only, so a fault in hilrig's own reader cannot hide a difference.
 """
 
 from __future__ import annotations

@@ -42,14 +42,14 @@ class Sizes(NamedTuple):
 
 @dataclass(frozen=True)
 class Transport:
-    """Something that hilrig's bus is compared with."""
+    """A transport that hilrig's bus is compared with."""
 
     name: str
     script: str
-    """File in peers/, without its ending"""
+    """File in peers/, without its suffix"""
     title: str
     module: str = ""
-    """What its script imports and hilrig does not depend on; "" for none"""
+    """Modules that its script imports and hilrig does not depend on; "" for none"""
     install: str = ""
     """How to install that"""
     fifo: bool = True
@@ -71,7 +71,7 @@ TRANSPORTS = (
 
 @cache
 def python_for(transport: Transport) -> str | None:
-    """Return a Python that has what the transport needs: this one, or else the system's; None if neither has it."""
+    """Return a Python with the modules of the transport: this one, or else the system's; None if neither has them."""
     if not transport.module:
         return sys.executable
     for python in (sys.executable, SYSTEM_PYTHON):
@@ -150,7 +150,7 @@ def _outputs(ping: subprocess.Popen[str], echo: subprocess.Popen[str], patience:
 
 
 def _kill(processes: Iterable[subprocess.Popen[str]]) -> None:
-    """Kill all of them before waiting for any: one may occupy the core that another needs in order to die."""
+    """Kill all of them before waiting for any: one may occupy the core that another needs to exit."""
     for process in processes:
         process.kill()
 
@@ -162,7 +162,7 @@ def _last_line(text: str) -> str:
 
 @contextmanager
 def _surroundings(transport: Transport, python: str) -> Iterator[dict[str, str]]:
-    """Provide what the transport needs besides the pair, as environment variables: for rospy, a master of its own."""
+    """Provide what else the transport needs, as environment variables: for rospy, a separate master."""
     if transport.name != "rospy":
         yield {}
         return

@@ -1,4 +1,4 @@
-"""Comparisons of what ran close together in time, repeat by repeat, with the limits that hilrig sets itself."""
+"""Comparisons of runs that were close together in time, repeat by repeat, with hilrig's own limits."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ COMPARISONS = (
 
 
 def compare(rounds: Sequence[Round]) -> dict[str, dict[str, Any]]:
-    """Return each comparison that at least one repeat allows: name -> what, unit, limits, spread over the repeats, met.
+    """Return each comparison possible in at least one repeat: name -> what, unit, limits, spread over the repeats, met.
 
     `met` judges the median; it is None if there is no limit.
     """

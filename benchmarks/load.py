@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-# It checks its parent now and then: if the parent is killed, nobody else ends it.
+# It checks its parent now and then: if the parent is killed, nothing else ends it.
 BUSY = """
 import os, sys
 os.sched_setaffinity(0, {int(sys.argv[1])})

@@ -1,4 +1,4 @@
-"""What the figures were measured on, and what else that machine was doing."""
+"""The machine that the figures were measured on, and its other load."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class ProcessorTime(NamedTuple):
 
     total: float
     steal: float
-    """Of it, what other guests of the host took"""
+    """Part of it that other guests of the host took"""
 
 
 def describe_machine() -> dict[str, Any]:
@@ -50,11 +50,11 @@ def describe_machine() -> dict[str, Any]:
 def processor_time() -> ProcessorTime:
     """Return the processor time so far."""
     times = psutil.cpu_times()
-    return ProcessorTime(sum(times[:8]), times.steal)  # what comes after the eighth is in the first two already
+    return ProcessorTime(sum(times[:8]), times.steal)  # the later fields are included in the first two
 
 
 def warnings(load_average: float, before: ProcessorTime, after: ProcessorTime) -> Sequence[str]:
-    """Return what may have disturbed the figures, a sentence each. The limits are those of `hilrig doctor`."""
+    """Return what may have disturbed the figures, one sentence each. The limits are those of `hilrig doctor`."""
     found = []
     if load_average > BUSY:
         found.append(

@@ -1,4 +1,4 @@
-"""What the benchmark measures, in the order of a round: what is compared is measured close together in time."""
+"""The measurands of the benchmark, in the order of a round: compared quantities are measured close together in time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PUNCTUAL = (
     *(f"{who}{how}" for how in ("", ".loaded", ".unprivileged") for who in ("realtime", "cyclictest")),
     "realtime.watched",
 )
-# The last one would let a process raise its own limits, and so get the permission back.
+# The last one would let a process raise its own limits and so regain the permission.
 CAPABILITIES = "-sys_nice,-ipc_lock,-sys_resource"
 UNPRIVILEGED = ("setpriv", f"--bounding-set={CAPABILITIES}", f"--inh-caps={CAPABILITIES}")
 
@@ -60,7 +60,7 @@ class Measurand:
     what: str
     measure: Callable[[], Sample]
     absent: Callable[[], str] = str
-    """Returns why it cannot be measured here; "" if it can"""
+    """Returns why it cannot be measured on this machine; "" if it can"""
 
 
 def measurands(settings: Settings, sizes: Sizes, fifo: bool, only: Sequence[str] = ()) -> list[Measurand]:

@@ -10,7 +10,7 @@ from benchmarks.tables import Document, Table, machine_lines, tables
 
 
 def page(found: Document) -> str:
-    """Return the page made from the document of a run."""
+    """Return the page for the document of a run."""
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, keep_trailing_newline=True)  # not HTML
     environment.filters["grid"] = grid
     text = resources.files("benchmarks").joinpath("performance.md.j2").read_text(encoding="utf-8")

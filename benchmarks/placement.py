@@ -1,4 +1,4 @@
-"""Core and priority of what hilrig is compared with: those that the rig gives to driver and controller."""
+"""Core and priority of the processes that hilrig is compared with: those of the rig's driver and controller."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Placement(NamedTuple):
 
 
 def placement(realtime: bool, privileged: bool) -> Placement:
-    """Return what the rig does: one core for both; SCHED_BATCH in lockstep, SCHED_FIFO in real time if permitted."""
+    """Return the rig's placement: one core for both; SCHED_BATCH in lockstep, SCHED_FIFO in real time if permitted."""
     (core,) = cores_for(0, realtime)["driver"]
     if not realtime:
         return Placement(core, "batch", 0)

@@ -1,4 +1,4 @@
-"""The interleaved run: round after round through all measurands, so that what is compared is close together in time."""
+"""The interleaved run: round after round of all measurands, so that compared quantities are close together in time."""
 
 from __future__ import annotations
 
@@ -16,11 +16,14 @@ from benchmarks.trials import payload_sizes
 from hilrig.core.errors import RigError
 
 FORM = 1
-"""Version of the document's layout"""
+"""Version of the document format"""
 
 
 def measure(settings: Settings, only: Sequence[str], listen: Callable[[str], None]) -> dict[str, Any]:
-    """Run the benchmark; return all results as plain data. `listen` is told what is measured next, a line each."""
+    """Run the benchmark; return all results as plain data.
+
+    `listen` receives one line on each measurement before it starts.
+    """
     began, clock = time.monotonic(), datetime.now(UTC).isoformat(timespec="seconds")
     machine, before = describe_machine(), processor_time()
     sizes = payload_sizes()
@@ -44,7 +47,7 @@ def run_rounds(
 ) -> tuple[list[dict[str, Sample]], dict[str, str]]:
     """Return the samples of each repeat, measurand -> sample, and the reason for each measurand that lacks a sample.
 
-    Every other round goes backwards, so that a machine that slows down favours nobody.
+    Every other round is in reverse order, so that a machine that slows down favours no measurand.
     """
     rounds: list[dict[str, Sample]] = []
     notes = {item.name: why for item in listed if (why := item.absent())}

@@ -15,7 +15,7 @@ class Spread:
     lowest: float
     highest: float
     values: tuple[float, ...]
-    """One for each repeat that has it, in their order"""
+    """One for each repeat that has it, in order"""
 
 
 def spread(values: Sequence[float]) -> Spread:

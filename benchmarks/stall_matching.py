@@ -1,4 +1,4 @@
-"""Injected faults and stalls found: which faults were detected, and which were attributed to the right cause."""
+"""Matches injected faults with detected stalls: which faults were found, and which got the right cause."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def reach(fault: InjectedFault, period: float, delay: int) -> int:
 
 
 def compare(injected: Sequence[InjectedFault], found: Sequence[Found], period: float, delay: int) -> dict[str, Any]:
-    """Return what became of each fault, and which stalls belong to none.
+    """Return the result for each fault, and the stalls that belong to none.
 
     A fault is detected if there is a stall between its tick and its reach. The first such stall says what the fault was
     attributed to; later ones are consequences. All other stalls are `unexplained`: the machine's own, or false alarms.

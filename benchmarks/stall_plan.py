@@ -1,4 +1,4 @@
-"""Which faults the stall benchmark injects, and into which experiment."""
+"""The faults that the stall benchmark injects, and the experiment for them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hilrig.kinds.disturbances._fault_times import spread
 PERIOD = 1e-3
 """s"""
 DISTANCE = 15
-"""Least number of ticks between two faults: the effect of one is over before the next"""
+"""Minimum number of ticks between two faults: the effect of one is over before the next"""
 ROOM = 25
 """Ticks of the trial for each fault"""
 MARGIN = 200

@@ -1,4 +1,4 @@
-"""Does the certificate find what is late? Injects stalls over the bus and compares its findings with them."""
+"""Tests whether the certificate finds what is late: injects stalls over the bus and compares its findings with them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def late_ticks(bag: Path, trial: Trial) -> list[Found]:
 def measure_stalls(count: int, out: Path, seed: int = 1) -> dict[str, Any]:
     """Inject `count` faults of 1 to 5 ms into driver, controller and bus; return how the certificate judged them.
 
-    Two trials of `count` * 25 ms run over the bus in real time: one undisturbed, whose stalls are the machine's own,
+    Two trials of `count` * 25 ms run over the bus in real time: one undisturbed, which shows the machine's own stalls,
     then one with the faults. The run directory is created in `out`. Keys: those of `stall_matching.compare`, planned,
     run, own_stalls (of the undisturbed trial) and ticks (of each trial). Raises RigError if a trial did not complete.
     """

@@ -28,7 +28,7 @@ def tables(found: Document) -> list[Table]:
 
 
 def figure(value: float) -> str:
-    """Return a number with three significant digits; without decimals from a thousand on."""
+    """Return a number with three significant digits; without decimals from 1000 on."""
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
@@ -110,7 +110,7 @@ def _lateness(found: Document) -> Table:
 
 
 def _share(found: Document, name: str, quantity: str) -> str:
-    """Return how many ticks or wake-ups were late, of how many in all repeats."""
+    """Return how many ticks or wake-ups were late, and out of how many, over all repeats."""
     count = _quantity(found, name, quantity)
     whole = _quantity(found, name, "wakeups" if quantity == "over_1ms" else "ticks")
     if count is None or whole is None:
@@ -129,7 +129,7 @@ def _quantity(found: Document, name: str, quantity: str) -> Document | None:
 
 
 def machine_lines(machine: Document) -> Sequence[str]:
-    """Return the description of the machine: a line each on hardware, system and software."""
+    """Return the description of the machine: one line each on hardware, system and software."""
     permitted = "permitted" if machine["sched_fifo"] else "not permitted"
     return (
         f"{machine['cpu']}, {machine['cores']} cores, {machine['memory_gib']:g} GiB; "

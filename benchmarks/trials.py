@@ -1,4 +1,4 @@
-"""One trial of the real program: `hilrig run` in a process of its own, and what its files say about its timing."""
+"""One trial of the real program: `hilrig run` in a separate process, and its timing from its files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from hilrig.recording.run_directory import read_json
 EXPERIMENT = Path(__file__).with_name("two_link.yaml")
 DURATION = "phases.0.duration"
 PATHS = os.pathsep.join(filter(None, [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH")]))
-"""Where the processes of a trial find `benchmarks`, in whatever folder they run"""
+"""Where the processes of a trial find `benchmarks`, whatever their working directory"""
 
 PATIENCE = 240.0
 """s beyond the trial's own time; the first one on a machine compiles its kernels"""
@@ -52,7 +52,7 @@ class TrialCall:
 def run_trial(call: TrialCall, look: Callable[[Path], None] = lambda trial: None) -> dict[str, float]:
     """Run the trial; return its rate and its timing, see `quantities`. Raises RigError if it did not complete.
 
-    `look` is given the trial's folder, which is deleted afterwards.
+    `look` receives the trial's folder, which is deleted afterwards.
     """
     with tempfile.TemporaryDirectory(prefix="bench-") as name:
         folder = Path(name)
@@ -97,8 +97,8 @@ def quantities(outcome: Mapping[str, Any], timing: Mapping[str, Any]) -> dict[st
     """Return a completed trial's ticks, steps_per_s, loop_steps_per_s, late, late_fraction, and <what>_p50_us, _p99_us,
     _max_us of `TIMES`.
 
-    steps_per_s excludes the start-up; loop_steps_per_s is from the first tick to the last, without what is written
-    afterwards. What the trial did not measure is left out.
+    steps_per_s excludes the start-up; loop_steps_per_s is from the first tick to the last, without the writing
+    afterwards. Quantities that the trial did not measure are left out.
     """
     ticks = outcome["ticks"]
     found = {"ticks": float(ticks)}
@@ -127,7 +127,7 @@ def _end(process: subprocess.Popen[Any]) -> None:
 
 @contextmanager
 def _watch(runs: Path) -> Iterator[None]:
-    """Attach `hilrig watch`, on a terminal of its own, to the run that starts below `runs`."""
+    """Attach `hilrig watch`, on its own terminal, to the run that starts below `runs`."""
     deadline = time.monotonic() + PATIENCE
     while not (started := list(runs.glob("*/trials"))):
         if time.monotonic() > deadline:
@@ -154,7 +154,7 @@ def _watch(runs: Path) -> Iterator[None]:
 
 
 def _drain(screen: int) -> None:
-    """Read what is shown until the other end closes."""
+    """Read the output until the other end closes."""
     try:
         while os.read(screen, 65536):
             pass

@@ -1,4 +1,4 @@
-"""A controller of one's own: an admittance law with gravity compensation and integral action on the filter's error."""
+"""A user's own controller: admittance law with gravity compensation and integral action on the filter's error."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -9,7 +9,7 @@ from hilrig import Law, Parameter, advance_filter, model_torque
 
 
 class Memory(NamedTuple):
-    """What the law remembers; every field is recorded and drawn in the report."""
+    """The law's memory; every field is recorded and drawn in the report."""
 
     filter_position: np.ndarray
     """p_d, (m,) m"""

@@ -1,1 +1,1 @@
-"""What hilrig's bus is compared with: scripts that run in processes of their own and are never imported."""
+"""The transports that hilrig's bus is compared with: scripts that run in separate processes and are never imported."""

@@ -1,8 +1,8 @@
-"""Two processes and a transport: one sends a request and waits for the reply, the other replies. Nothing else.
+"""Two processes and a transport: one sends a request and waits for the reply, the other replies.
 
-A script, with the standard library alone, so that any Python can run it: pair.py TRANSPORT ARGUMENTS. The transport is
-a file beside this one with open_link(side, folder) -> (send, receive, close): send(bytes), receive() -> bytes waits for
-the next message. The side "ping" prints the round trips on stdout as JSON.
+A script that uses only the standard library, so that any Python can run it: pair.py TRANSPORT ARGUMENTS. The transport
+is a file next to this one with open_link(side, folder) -> (send, receive, close): send(bytes), receive() -> bytes waits
+for the next message. The side "ping" prints the round trips on stdout as JSON.
 
 Arguments (JSON): side ("ping" or "echo"), folder (for sockets), core, policy ("batch", "fifo", "other"), priority,
 request and reply (bytes), count, warm_up (exchanges that are not counted), period (ns; 0: back to back), spin (ns
@@ -45,7 +45,7 @@ def main():
 
 
 def load(transport):
-    """Return the module in the file <transport>.py beside this one."""
+    """Return the module in the file <transport>.py next to this one."""
     spec = importlib.util.spec_from_file_location(transport, Path(__file__).with_name(f"{transport}.py"))
     assert spec is not None
     assert spec.loader is not None
@@ -65,8 +65,11 @@ def number_of(received):
 
 
 def schedule(arguments):
-    """Give all threads of this process the policy. Only once the sides have met: a transport that waits busily at its
-    start would block the other side for good, on the same core at the same priority."""
+    """Give all threads of this process the policy.
+
+    Only after the sides have connected: a transport that busy-waits at its start would block the other side forever, on
+    the same core at the same priority.
+    """
     for thread in os.listdir("/proc/self/task"):
         os.sched_setscheduler(int(thread), POLICIES[arguments["policy"]], os.sched_param(arguments["priority"]))
 

@@ -1,4 +1,4 @@
-"""The paper's plant with the Coriolis matrix as it is printed. docs/paper.md says what it does."""
+"""The paper's plant with the Coriolis matrix as printed. docs/paper.md says what it does."""
 
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ class PlantAsPrinted(TwoLinkPlant):
     """The arm in one trial."""
 
     def kernels(self) -> PlantKernels:
-        """Return the arm as kernels, from the state it is in."""
+        """Return the arm as kernels, starting from its current state."""
         return super().kernels()._replace(advance=advance_as_printed)
 
     def advance(self, command: Command, disturbance: PlantDisturbance) -> None:

@@ -1,7 +1,7 @@
 """The paper's law with its misprints, one option each. docs/paper.md says what each of them does.
 
-Only the misprints stand here. The rest is `tde_sliding_mode`: its kernels are compiled again, each with a misprint in
-place of the function that it replaces.
+This file contains only the misprints. The rest is `tde_sliding_mode`: its kernels are compiled again, each with a
+misprint instead of the function that it replaces.
 """
 
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ from hilrig.kinds.controllers.tde_sliding_mode import Constants, Memory, TdeSlid
 
 @dataclass(frozen=True)
 class LawAsPrinted(TdeSlidingMode):
-    """tau = J^T [Mhat u + S_hat] of `tde_sliding_mode`, with what the paper prints in place of its reading:
+    """tau = J^T [Mhat u + S_hat] of `tde_sliding_mode`, with the printed forms instead of hilrig's reading:
 
     estimator = desired:    S_hat = J^-T tau_l - Mhat a_d,l, the desired acceleration one period ago;
     lyapunov = transposed:  P solves A P + P A^T = -I: p12 = -1/2, p22 = (1 + k_p)/(2 k_d);
     feedback = positive:    u has -k_d e' - k_p e; P stays that of k_d, k_p > 0;
-    switching = printed:    xi / mu while |xi| <= mu, tanh(xi) beyond, in place of tanh(xi / mu);
+    switching = printed:    xi / mu while |xi| <= mu, tanh(xi) beyond, instead of tanh(xi / mu);
     adaptation = printed:   alpha_1 falls only while xi moves inward and alpha_2, alpha_3 are at their floors.
 
     Source: paper eqs. (8), (10), (11), (15), and P_o in Section V.
@@ -35,7 +35,7 @@ class LawAsPrinted(TdeSlidingMode):
     adaptation: Annotated[Literal["complete", "printed"], Parameter("", "cases of alpha_1'")] = "complete"
 
     def start(self, task: Task, state: State) -> Law:
-        """Return the law; it begins as `tde_sliding_mode` does."""
+        """Return the law; it starts as `tde_sliding_mode` does."""
         law = super().start(task, state)
         gains = law.parameters
         if self.feedback == "positive":
@@ -55,7 +55,7 @@ class LawAsPrinted(TdeSlidingMode):
         return super().surface_gains()
 
     def _step(self):
-        """Return the step of `tde_sliding_mode` with the misprints that are asked for in it."""
+        """Return the step of `tde_sliding_mode` with the selected misprints."""
         parts = {}
         if self.estimator == "desired":
             parts["estimate"] = _with(as_read.estimate, last_acceleration=desired_acceleration)
@@ -67,7 +67,7 @@ class LawAsPrinted(TdeSlidingMode):
 
 
 def _with(kernel, **parts):
-    """Return a kernel of `tde_sliding_mode` with these kernels in place of those that it calls by the same names."""
+    """Return a kernel of `tde_sliding_mode` with these kernels instead of those that it calls by the same names."""
     return composed(kernel.py_func, makes_arrays=False, **parts)
 
 
@@ -79,7 +79,7 @@ def desired_acceleration(memory: Memory, state: State, i: int) -> float:
 
 @kernel_without_arrays
 def adapt_as_printed(c: Constants, memory: Memory, elapsed: float, size: float, outward: bool) -> None:
-    """Do `adapt`, and hold alpha_1 where the paper says neither that it rises nor that it falls."""
+    """Run `adapt`, and hold alpha_1 where the paper says neither that it rises nor that it falls."""
     alpha_1 = memory.alpha_1[0]
     above = memory.alpha_2[0] > c.gains_floor[1] or memory.alpha_3[0] > c.gains_floor[2]
     adapt(c, memory, elapsed, size, outward)

@@ -1,4 +1,4 @@
-"""The paper's arm with the Jacobian as it is printed. docs/paper.md says what it does."""
+"""The paper's arm with the Jacobian as printed. docs/paper.md says what it does."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,8 @@ from hilrig.kinds.robots.planar_2r import Geometry, Planar2r, fill_kinematics
 
 @dataclass(frozen=True)
 class RobotAsPrinted(Planar2r):
-    """`planar_2r`, but control laws are told J = [[s1 + s12, s12], [c12, c12 + c1]], the derivative of no position.
+    """`planar_2r`, but control laws get J = [[s1 + s12, s12], [c12, c12 + c1]], which is not the derivative of any
+    position.
 
     The plant itself moves by the true Jacobian.
     """

@@ -1,12 +1,12 @@
-"""The command line: one file a verb, and what only one verb needs: `watch/` and `doctor/`.
+"""The command line: one file per verb, and the code that only one verb needs: `watch/` and `doctor/`.
 
-`verbs/` are thin. What takes long to import is imported by the verb that needs it, in its function.
+`verbs/` are thin. Slow imports are done by the verb that needs them, in its function.
 """
 
 
 def main() -> None:
     """Run the program."""
-    # Imported here: the processes of `watch` and `doctor` are in this package, and need no verbs.
+    # Imported here, because the processes of `watch` and `doctor` are in this package and need no verbs.
     from hilrig.cli.entry import main as program
 
     program()

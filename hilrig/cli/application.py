@@ -1,4 +1,4 @@
-"""The program and what its verbs share: arguments, output, finding a run."""
+"""The program and the code that its verbs share: arguments, output, finding a run."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _options(
 
 
 def run_meant(run: Path) -> Path:
-    """Return the run directory that `run` means: a path, or a name below runs/."""
+    """Return the run directory for `run`: a path, or a name below runs/."""
     from hilrig.recording import run_directory
 
     if run.exists() or len(run.parts) > 1:
@@ -68,7 +68,7 @@ def run_meant(run: Path) -> Path:
 
 
 def print_json(document: Any) -> None:
-    """Print a document for programs, as JSON."""
+    """Print a document as JSON."""
     from hilrig.recording.run_directory import to_json
 
     typer.echo(to_json(document))

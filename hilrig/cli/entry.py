@@ -18,7 +18,10 @@ for verb in VERBS:
 
 
 def main(program: Callable[[], object] = app) -> None:
-    """Run a program: one readable message per error. Exit code 1: the rig or the system failed; 2: a wrong call."""
+    """Run a program, with one readable message per error.
+
+    Exit code 1: the rig or the system failed; 2: a wrong call.
+    """
     try:
         program()
     except HilrigError as error:

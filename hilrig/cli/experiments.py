@@ -1,4 +1,4 @@
-"""What the verbs that take an experiment share: its trials, its warnings, and Ctrl-C."""
+"""Shared by the verbs that take an experiment: its trials, its warnings, and Ctrl-C."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def planned(path: Path, overrides: list[str]) -> tuple[Experiment, tuple[Trial, 
 
 
 def judged(experiment: Experiment, trials: tuple[Trial, ...]) -> tuple[PlanAssessment, list[Problem]]:
-    """Return which bounds the trials keep, and the warnings that follow."""
+    """Return the assessment of the bounds, and the resulting warnings."""
     from hilrig.experiment.plan.assessing import assess
     from hilrig.experiment.plan.warnings import warnings
 
@@ -35,13 +35,13 @@ def judged(experiment: Experiment, trials: tuple[Trial, ...]) -> tuple[PlanAsses
 
 
 def echo_warnings(warnings: list[Problem]) -> None:
-    """Print warnings on stderr, one a line."""
+    """Print warnings on stderr, one per line."""
     for warning in warnings:
         typer.echo(str(warning._replace(message=f"warning: {warning.message}")), err=True)
 
 
 def interruptible() -> threading.Event:
-    """Return an event that Ctrl-C or SIGTERM sets. A second one ends the program at once."""
+    """Return an event that is set by Ctrl-C or SIGTERM. A second signal ends the program at once."""
     stop = threading.Event()
 
     def interrupt(_number: int, _frame: Any) -> None:

@@ -1,4 +1,4 @@
-"""The progress of a run on the terminal: one bar for each trial in progress."""
+"""The progress of a run on the terminal: one bar per trial in progress."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class _Clocks(ProgressColumn):
-    """Simulated time, speed against real time, and time left."""
+    """Simulated time, speed relative to real time, and remaining time."""
 
     def render(self, task: Task) -> Text:
         """Return the column for one trial."""
@@ -32,7 +32,7 @@ class _Clocks(ProgressColumn):
 
 
 class Display:
-    """Shows the progress of trials: bars on a terminal, elsewhere a line for each trial that did not complete."""
+    """Shows the progress of trials: bars on a terminal, elsewhere one line per trial that did not complete."""
 
     def __init__(self, trials: int) -> None:
         self._count, self._number = trials, 0
@@ -43,7 +43,7 @@ class Display:
         self._tasks: dict[str, Any] = {}
 
     def opened(self, run: Path) -> None:
-        """There is nothing to show yet."""
+        """Do nothing: there is nothing to show yet."""
 
     def started(self, trial: Trial) -> None:
         """Show a trial's bar."""

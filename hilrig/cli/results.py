@@ -1,4 +1,4 @@
-"""The results of a run: its report, which expectations were met, and both for CI."""
+"""The results of a run: its report, the expectations that were met, and the JUnit file for CI."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Junit = Annotated[
 
 
 def make_room(junit: Path | None) -> None:
-    """Make the folder for the JUnit file, before the run. Raises RunDirectoryError."""
+    """Create the folder for the JUnit file, before the run. Raises RunDirectoryError."""
     from hilrig.recording.run_directory import make_directory
 
     if junit is not None:

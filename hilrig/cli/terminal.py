@@ -1,4 +1,4 @@
-"""What a person sees of a run: progress on the terminal's stderr, results on stdout."""
+"""The terminal output of a run: progress on stderr, results on stdout."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-if TYPE_CHECKING:  # a table is printed sooner without them
+if TYPE_CHECKING:  # without them a table is printed sooner
     from hilrig.report.expectations import Expected
     from hilrig.rig.outcome import Outcome
 
 AS_IT_IS: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}
-"""What is printed holds names and reasons of the user's: a bracket in them is no markup, a colon no emoji"""
+"""The output contains names and reasons from the user: brackets in them are not markup, colons not emoji"""
 errors = Console(stderr=True, soft_wrap=True, **AS_IT_IS)
 STYLES = {"completed": "green", "tripped": "red", "failed": "red", "timed_out": "red", "aborted": "yellow"}
 
@@ -32,7 +32,7 @@ def outcome_line(outcome: Outcome) -> Text:
 
 
 def print_expectations(expected: Sequence[Expected]) -> None:
-    """Print on stdout which expectations are met: the value seen and the limit, a line each, never folded."""
+    """Print on stdout which expectations are met: the value seen and the limit, one line each, never folded."""
     rows = [("met" if item.met else "not met", item.subject, item.seen, item.limit, item.basis) for item in expected]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     console = Console(soft_wrap=True, **AS_IT_IS)

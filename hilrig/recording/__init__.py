@@ -2,7 +2,7 @@
 
 Other rooms use:
 
-- `run_directory`: where the files of a run are, and how to write and read them; `manifest`: where a run comes from;
+- `run_directory`: where the files of a run are, and how to write and read them; `manifest`: the provenance of a run;
 - `messages.layouts`: the channels of a trial and the codec of each; `messages.record_batch`: many messages as arrays;
 - `recorder.Recorder`: writes a trial's bag; `bag.read_bag`: reads one;
 - `timing.certify`: the timing certificate of a trial; `certificate`: the mathematics behind it;

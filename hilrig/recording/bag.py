@@ -22,7 +22,7 @@ from hilrig.recording.messages.codec import Codec, Definition, parse_definition,
 
 MAGIC = b"\x89MCAP0\r\n"
 _RECORD_HEAD = struct.Struct("<BQ")
-"""Of a record: opcode and length"""
+"""Start of a record: opcode and length"""
 _MESSAGE_HEAD = 22
 """Bytes of a message record before its payload: channel, sequence, log time, publish time"""
 
@@ -30,8 +30,8 @@ _MESSAGE_HEAD = 22
 def read_bag(path: str | Path, topics: Iterable[str] | None = None) -> dict[str, dict[str, np.ndarray]]:
     """Return every field of every message: channel -> field -> array, (N,) or (N, k), in order of recording.
 
-    `topics` selects channels (default all). Of a bag that was cut off by a crash, everything that reached the disk is
-    returned. Raises RunDirectoryError if the file is not a bag, or if its messages are not laid out as they should be.
+    `topics` selects channels (default all). From a bag that was cut off by a crash, everything that reached the disk is
+    returned. Raises RunDirectoryError if the file is not a bag, or if its messages do not have the expected layout.
     """
     path = Path(path)
     wanted = None if topics is None else {topic.strip("/") for topic in topics}
@@ -48,7 +48,7 @@ def read_bag(path: str | Path, topics: Iterable[str] | None = None) -> dict[str,
 
 
 def _messages(path: Path, wanted: set[str] | None) -> Iterator[tuple[str, Schema, bytes]]:
-    """Yield (channel, schema, payload) of every message, up to where the file is cut."""
+    """Yield (channel, schema, payload) of every message, up to where the file is cut off."""
     if not path.is_file():
         raise RunDirectoryError(f"{path}: there is no such bag")
     schemas: dict[int, Schema] = {}
@@ -72,7 +72,7 @@ def _messages(path: Path, wanted: set[str] | None) -> Iterator[tuple[str, Schema
 def _records(file: IO[bytes], path: Path) -> Iterator[tuple[int, bytes]]:
     """Yield opcode and content of every record in the chunks.
 
-    mcap's own readers make objects of all records, of the indexes too, and are five times slower.
+    mcap's own readers create objects for all records, including the indexes, and are five times slower.
     """
     for chunk in _chunks(file, path):
         offset = 0
@@ -84,7 +84,7 @@ def _records(file: IO[bytes], path: Path) -> Iterator[tuple[int, bytes]]:
 
 
 def is_whole(path: Path) -> bool:
-    """Return whether there is a bag at `path` and its writer finished it: a finished one ends with MAGIC."""
+    """Return whether there is a finished bag at `path`: a finished bag ends with MAGIC."""
     if not path.is_file() or path.stat().st_size < len(MAGIC):
         return False
     with path.open("rb") as file:
@@ -93,9 +93,9 @@ def is_whole(path: Path) -> bool:
 
 
 def _chunks(file: IO[bytes], path: Path) -> Iterator[bytes]:
-    """Yield every whole chunk, decompressed. A missing end, where the writer was killed, is no error."""
+    """Yield every complete chunk, decompressed. A missing end, because the writer was killed, is not an error."""
     if not MAGIC.startswith(file.read(len(MAGIC))):
-        raise RunDirectoryError(f"{path}: not an MCAP file: it does not begin like one")
+        raise RunDirectoryError(f"{path}: not an MCAP file: it does not start with the MCAP signature")
     while len(head := file.read(_RECORD_HEAD.size)) == _RECORD_HEAD.size:
         opcode, size = _RECORD_HEAD.unpack(head)
         if opcode == Opcode.DATA_END:

@@ -1,7 +1,7 @@
 """Writes a trial's recording: an MCAP file of ROS 2 messages, many ticks at a time.
 
-The records are mcap's own; only the chunks are made here, from arrays. mcap's writer makes Python objects of every
-message, which takes a compiled trial ten times longer than its computation (decision 16).
+The records are mcap's own; only the chunks are built here, from arrays. mcap's writer creates Python objects for every
+message, which takes ten times as long as computing a compiled trial (decision 16).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from hilrig.recording.messages.codec import Definition
 _HEAD = [
     ("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8"),
 ]  # fmt: skip
-"""Of a message record, before its payload"""
+"""Fields of a message record before its payload"""
 _NO_SPAN = (2**63, 0)
 """First and last log time of a chunk without messages, ns"""
 
@@ -76,7 +76,7 @@ class BagWriter:
         self._span = (min(first, start), max(last, end))
 
     def end_chunk(self) -> None:
-        """Write what has been collected to the disk as a chunk with its index; nothing if there are no messages."""
+        """Write the collected messages to disk as a chunk with its index; write nothing if there are none."""
         if not self._entries:
             return
         data = lz4.frame.compress(self._content)
@@ -138,7 +138,7 @@ def _bytes(*records: Any) -> bytes:
 
 
 def _message_index(channel: int, entries: bytes) -> bytes:
-    """Return a message index record: where each message of a channel begins in the chunk before it."""
+    """Return a message index record: where each message of a channel begins in the preceding chunk."""
     stream = RecordBuilder()
     stream.start_record(Opcode.MESSAGE_INDEX)
     stream.write2(channel)

@@ -12,11 +12,11 @@ from hilrig.recording.run_directory import read_json, write_json
 
 
 class InjectedFault(NamedTuple):
-    """One fault that was injected."""
+    """One injected fault."""
 
     tick: int
     role: str
-    """The process that injected it: driver or controller"""
+    """The process that injected the fault: driver or controller"""
     kind: str
     """A field of `hilrig.core.signals.Faults`"""
     begin: int
@@ -37,6 +37,6 @@ def add_faults(directory: Path, faults: Iterable[InjectedFault]) -> None:
 
 
 def read_faults(directory: Path) -> list[InjectedFault]:
-    """Return the faults that were injected into the trial in `directory`, by tick; none if it has no log."""
+    """Return the faults that were injected into the trial in `directory`, by tick; none if there is no log."""
     path = directory / "faults.json"
     return [InjectedFault(**item) for item in read_json(path)] if path.is_file() else []

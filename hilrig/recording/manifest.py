@@ -1,4 +1,4 @@
-"""Where a run comes from: commit, versions, machine."""
+"""The provenance of a run: commit, versions, machine."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ PACKAGES = ("eclipse-zenoh", "numba", "numpy", "pybullet", "scipy", "mcap", "pan
 
 
 def provenance(experiment: Path) -> dict[str, Any]:
-    """Return what the manifest says of code and machine; what is not known is None.
+    """Return the manifest's entries about code and machine; unknown values are None.
 
-    The commit is that of the repository that the experiment's file is in.
+    The commit is that of the repository that contains the experiment file.
     """
     return {"hilrig": __version__, **repository(experiment.parent), **_software(), "host": _host()}
 

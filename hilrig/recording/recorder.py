@@ -14,9 +14,9 @@ from hilrig.recording.bag_writer import BagWriter
 from hilrig.recording.messages.codec import TICK, Codec, Definition
 
 CHUNK_SIZE = 128 * 1024
-"""Least bytes of a chunk, about a tenth of a second at 1 ms: a crash loses the chunk that is not written yet"""
+"""Minimum bytes of a chunk, about a tenth of a second at 1 ms: a crash loses the chunk that is not yet written"""
 MOST_GAPS = 20
-"""Gaps listed for each channel; all of them are counted."""
+"""Maximum number of gaps listed per channel; all are counted."""
 TIMING = ("driver_timing", "controller_timing")
 """The channels of time stamps"""
 
@@ -32,7 +32,7 @@ class Account:
         self._next = 0
 
     def note(self, ticks: NDArray[np.int64]) -> None:
-        """Count stored messages of these ticks, (N,) rising, and the gaps before and between them."""
+        """Count the stored messages of these ticks, (N,) ascending, and the gaps before and between them."""
         before = np.concatenate([[self._next], ticks[:-1] + 1])
         missing = np.flatnonzero(ticks > before)
         self.gap_count += missing.size
@@ -64,13 +64,13 @@ class Recorder:
             self._bag.add_channel(name, definition)
 
     def store(self, name: str, payloads: NDArray[np.uint8]) -> None:
-        """Record messages (N, bytes) in the order of their ticks; they must not change until `write`."""
+        """Record messages (N, bytes) in tick order; they must not change until `write`."""
         if payloads.shape[0]:
             self._pending.setdefault(name, []).append(payloads)
             self._size += payloads.size
 
     def write(self, least: int = CHUNK_SIZE) -> None:
-        """Write what has been stored to the disk, if it is at least so many bytes: many at a time cost less each."""
+        """Write stored messages to disk if they have at least this many bytes: large writes cost less per message."""
         if self._size < least:
             return
         for name, parts in self._pending.items():

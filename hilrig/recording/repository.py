@@ -1,4 +1,4 @@
-"""Which commit an experiment belongs to, and what has changed since, as git tells it."""
+"""Asks git which commit an experiment belongs to, and what has changed since."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ from pathlib import Path
 from typing import Any
 
 TIMEOUT_S = 10.0
-"""For each call of git: a run does not wait for a slow repository"""
+"""Timeout of each git call, s: a run does not wait for a slow repository"""
 LARGEST_DIFF_BYTES = 200_000
 
 COMMAND = ("git", "--no-pager", "-c", "core.fsmonitor=false", "-c", "diff.relative=false")
-# Without fsmonitor no daemon stays behind; the prefixes make it a patch that `git apply` takes, whatever the user set.
+# Without fsmonitor no daemon stays behind; with these prefixes `git apply` accepts the patch with any user
+# settings.
 DIFF = ("diff", "--no-color", "--no-ext-diff", "--no-textconv", "--src-prefix=a/", "--dst-prefix=b/", "HEAD")
 STATUS = ("status", "--porcelain", "--untracked-files=normal")
 
 
 class GitError(Exception):
-    """git gave no answer; the message says why."""
+    """A git call failed; the message says why."""
 
 
 def repository(folder: Path) -> dict[str, Any]:
-    """Return commit, dirty and diff of the repository that `folder` is in; what is not known is None.
+    """Return commit, dirty and diff of the repository that contains `folder`; unknown values are None.
 
-    commit_problem is None, or says why something is not known. Bytes of the diff that are not UTF-8 are written as
+    commit_problem is None, or says why something is unknown. Bytes of the diff that are not UTF-8 are written as
     escapes such as \\xf6.
     """
     found: dict[str, Any] = {"commit": None, "dirty": None, "diff": None, "commit_problem": None}
@@ -40,7 +41,7 @@ def repository(folder: Path) -> dict[str, Any]:
 
 
 def _answer(folder: Path, arguments: Sequence[str]) -> bytes:
-    """Return what git prints. Raises GitError if it fails or cannot be run."""
+    """Return git's output. Raises GitError if git fails or cannot be run."""
     try:
         done = subprocess.run(
             [*COMMAND, *arguments], cwd=folder, env=_environment(), stdin=subprocess.DEVNULL, capture_output=True,
@@ -57,7 +58,7 @@ def _answer(folder: Path, arguments: Sequence[str]) -> bytes:
 
 
 def _diff(folder: Path) -> str:
-    """Return the diff to HEAD, cut at LARGEST_DIFF_BYTES: it may be of any size, and is never held as a whole."""
+    """Return the diff to HEAD, cut at LARGEST_DIFF_BYTES: a diff can have any size and is never held as a whole."""
     with subprocess.Popen(
         [*COMMAND, *DIFF], cwd=folder, env=_environment(), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -80,12 +81,12 @@ def _diff(folder: Path) -> str:
 
 
 def _environment() -> dict[str, str]:
-    """Return the environment without what leads git to another repository: GIT_DIR, for one, is set in git's hooks."""
+    """Return the environment without variables that point git to another repository, such as GIT_DIR in git's hooks."""
     kept = {
         name: value
         for name, value in os.environ.items()
-        # What git is configured with stays, for it may say which repositories of others the user trusts.
+        # git's configuration stays, because it may list repositories of other users that the user trusts.
         if not name.startswith("GIT_") or (name.startswith("GIT_CONFIG_") and name != "GIT_CONFIG_PARAMETERS")
     }
-    # No optional locks: `git status` would rewrite the index, beside a git of the user's.
+    # No optional locks: `git status` would rewrite the index, perhaps while the user is running git.
     return {**kept, "GIT_OPTIONAL_LOCKS": "0", "GIT_TERMINAL_PROMPT": "0", "LC_ALL": "C"}

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 DAMAGED = "damaged"
 """Outcome of a trial that completed, but whose bag has since been cut or removed"""
 INVALID = "invalid"
-"""How a trial in real time counts that ended outside its timing budget"""
+"""Outcome of a real-time trial that ended outside its timing budget"""
 PARTS = ("experiment.yaml", "manifest.json", "plan.json", "trials")
 
 
 def create_run(out: Path, name: str, experiment: bytes, plan: Mapping[str, Any]) -> Path:
-    """Make a new run directory below `out`, <utc>-<name>, with the plan and an exact copy of the experiment file."""
+    """Create a run directory <utc>-<name> below `out`, with the plan and an exact copy of the experiment file."""
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
     run = _new_directory(out / f"{stamp}-{name}")
     (run / "trials").mkdir()
@@ -36,7 +36,7 @@ def create_run(out: Path, name: str, experiment: bytes, plan: Mapping[str, Any])
 
 
 def _new_directory(path: Path) -> Path:
-    """Make and return `path`, with -2, -3 ... appended if several runs begin within a second."""
+    """Create and return `path`, with -2, -3 ... appended if several runs start within a second."""
     for number in itertools.count(1):
         candidate = path if number == 1 else path.with_name(f"{path.name}-{number}")
         with suppress(FileExistsError):
@@ -46,7 +46,7 @@ def _new_directory(path: Path) -> Path:
 
 
 def make_directory(path: Path) -> None:
-    """Make a directory that is not there yet. Raises FileExistsError, or RunDirectoryError with the reason."""
+    """Create a directory that does not exist yet. Raises FileExistsError, or RunDirectoryError with the reason."""
     try:
         path.mkdir(parents=True)
     except FileExistsError:
@@ -63,14 +63,14 @@ def trial_path(run: Path, trial: str) -> Path:
 
 
 def trial_directory(run: Path, trial: str) -> Path:
-    """Return the directory of one trial; make it if it is not there."""
+    """Return the directory of one trial, and create it if it does not exist."""
     directory = trial_path(run, trial)
     (directory / "logs").mkdir(parents=True, exist_ok=True)
     return directory
 
 
 def write_json(path: Path, document: Any) -> None:
-    """Write a document. A crash leaves the old file or the new one, never half of one."""
+    """Write a document. A crash leaves the old file or the new one, never a partial one."""
     partial = path.with_name(f".{path.name}.part")
     partial.write_text(to_json(document) + "\n", encoding="utf-8")
     os.replace(partial, path)
@@ -105,7 +105,7 @@ def read_plan(run: Path) -> dict[str, Any]:
 
 
 def read_manifest(run: Path) -> dict[str, Any]:
-    """Return a run's manifest: its name, its settings, and where it comes from. Raises RunDirectoryError."""
+    """Return a run's manifest: its name, settings and provenance. Raises RunDirectoryError."""
     return _document(run / "manifest.json", ("name", "question", "command", "clock", "seed", "commit"))
 
 
@@ -118,7 +118,7 @@ def _document(path: Path, needed: tuple[str, ...]) -> dict[str, Any]:
 
 
 def find_run(path: Path) -> Path:
-    """Return `path` if it is a run directory. Raises RunDirectoryError, with what it lacks."""
+    """Return `path` if it is a run directory. Raises RunDirectoryError with what is missing."""
     if not path.is_dir():
         raise RunDirectoryError(f"{path}: there is no such directory")
     lacking = [part for part in PARTS if not (path / part).exists()]
@@ -136,7 +136,7 @@ def list_runs(out: Path) -> list[Path]:
 
 def read_trial(run: Path, trial: str) -> Trial:
     """Return one trial of the plan. Raises RunDirectoryError if it has no such trial."""
-    from hilrig.experiment.trial import Trial  # loads all kinds and numba, which no other reader of a run needs
+    from hilrig.experiment.trial import Trial  # this loads all kinds and numba, which no other reader of a run needs
 
     return Trial.from_document(read_trial_document(run, trial))
 
@@ -153,8 +153,8 @@ def read_trial_document(run: Path, trial: str) -> Mapping[str, Any]:
 def read_outcome(run: Path, trial: str) -> dict[str, Any]:
     """Return the outcome of one trial; if the run left none, "aborted" if the trial was begun, else "not run".
 
-    A trial that completed is "damaged" if its bag is no longer whole. `invalid_because` says why the trial is outside
-    its timing budget, by its timing.json; it is empty if it is within, or had none to keep.
+    A completed trial is "damaged" if its bag is no longer complete. `invalid_because` says why the trial is outside its
+    timing budget according to its timing.json; it is empty if the trial is within the budget or has none.
     """
     outcome = _outcome(run, trial)
     timing = trial_path(run, trial) / "timing.json"
@@ -165,15 +165,15 @@ def read_outcome(run: Path, trial: str) -> dict[str, Any]:
 def ending(outcome: Mapping[str, Any]) -> str:
     """Return how a trial ended, from its outcome as `read_outcome` returns it: "invalid" if outside its timing budget.
 
-    Only trials that completed or tripped become invalid: neither proves anything if the loop did not keep its period.
-    A trial that failed or was aborted stays so.
+    Only completed or tripped trials become invalid: neither proves anything if the loop did not keep its period. Failed
+    and aborted trials keep theirs.
     """
     counts = outcome["outcome"] in ("completed", "tripped")
     return INVALID if counts and outcome.get("invalid_because") else outcome["outcome"]
 
 
 def reason_of(outcome: Mapping[str, Any]) -> str:
-    """Return why a trial ended as `ending` says, in one line; empty if it completed and is valid."""
+    """Return the reason for `ending` in one line; empty if the trial completed and is valid."""
     if ending(outcome) != INVALID:
         return outcome.get("reason", "")
     before = f"{outcome['outcome']}: {outcome['reason']}; " if outcome.get("reason") else ""
@@ -181,7 +181,7 @@ def reason_of(outcome: Mapping[str, Any]) -> str:
 
 
 def _outcome(run: Path, trial: str) -> dict[str, Any]:
-    """Return the outcome, without regard to the trial's timing."""
+    """Return the outcome, regardless of the trial's timing."""
     folder = trial_path(run, trial)
     if (folder / "outcome.json").is_file():
         outcome = read_json(folder / "outcome.json")
@@ -196,6 +196,6 @@ def _outcome(run: Path, trial: str) -> dict[str, Any]:
 
 
 def messages_lost(outcome: Mapping[str, Any]) -> int | None:
-    """Return how many messages of a trial were sent but not stored; None if that is not known."""
+    """Return how many messages of a trial were sent but not stored; None if unknown."""
     lost = [account["lost"] for account in outcome["channels"].values()]
     return None if None in lost or not lost else sum(lost)

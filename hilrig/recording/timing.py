@@ -1,4 +1,4 @@
-"""The timing certificate of a trial as it stands in timing.json, made from the trial's time stamps."""
+"""The timing certificate of a trial as stored in timing.json, computed from the trial's time stamps."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DURATIONS = ("lateness", "state_transport", "compute", "command_transport", "com
 
 
 def terms_of(document: Mapping[str, Any]) -> Terms:
-    """Return what the loop of a trial is asked to do, from the trial's document in the plan."""
+    """Return what the loop of a trial is configured to do, from the trial's document in the plan."""
     return Terms(document.get("clock", "lockstep"), document["period"], document.get("actuation_delay", 1))
 
 

@@ -1,4 +1,4 @@
-"""The report: from a run directory to a page that answers the experiment's question. It needs nothing of the rig."""
+"""The report: from a run directory to a page that answers the experiment's question. Independent of the rig."""
 
 from hilrig.report.junit import junit_xml
 from hilrig.report.making import make_report, write_report

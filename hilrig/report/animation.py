@@ -25,7 +25,7 @@ SCENE_COLOURS = 96
 def animation(scene: tuple[TrialEntry, Array] | None, folder: Path) -> Shown:
     """Write figures/animation.gif and animation_strip.png of a trial and its joint positions (N, n) rad.
 
-    If there is no animation the returned picture has no source, and its caption says why.
+    If there is no animation, the returned picture has no source, and its caption says why.
     """
     if scene is None:
         return _none("No animation: no trial completed.")

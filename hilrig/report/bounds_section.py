@@ -1,4 +1,4 @@
-"""The section "Bounds": what controllers and task said of the plan, and the loop delay that was measured."""
+"""The section "Bounds": the planned bounds of controllers and task, and the measured loop delay."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hilrig.report.dataset import RunData
 
 @dataclass(frozen=True)
 class BoundRow:
-    """One value against one limit, as people read it; None for a number that is not finite."""
+    """One value and its limit, for display; None for a number that is not finite."""
 
     bound: str
     value: float | None
@@ -25,29 +25,29 @@ class BoundRow:
     margin: float | None
     kept: bool
     decides: bool
-    """Whether anything is wrong if it is not kept; else it is shown for comparison"""
+    """Whether breaking the bound is a problem; otherwise it is shown for comparison only"""
     remark: str
 
 
 @dataclass(frozen=True)
 class LoopDelay:
-    """The delay from measurement to command in effect of a controller's trials, ms."""
+    """The delay from measurement to command in effect in a controller's trials, ms."""
 
     period: float
     planned: float
     p50: float | None
-    """As measured in real time, with the two below; None in lockstep, and where nothing was recorded"""
+    """As measured in real time, as are the two below; None in lockstep, or if nothing was recorded"""
     p99: float | None
     max: float | None
 
 
 @dataclass(frozen=True)
 class BoundGroup:
-    """What is known of one controller, or of the task."""
+    """What is known about one controller, or about the task."""
 
     title: str
     delay: LoopDelay | None
-    """None where no bound is on the loop delay"""
+    """None if no bound limits the loop delay"""
     rows: list[BoundRow]
     unknown: list[str]
 
@@ -57,15 +57,15 @@ class BoundsSection:
     """What the section shows."""
 
     known: bool
-    """Whether the plan says which bounds it keeps; that of an older hilrig does not, or in another form"""
+    """Whether the plan lists its bounds; plans of older hilrig versions do not, or use another form"""
     realtime: bool
     notes: list[str]
-    """What readers should know of the bounds, each once"""
+    """Notes on the bounds for readers, each listed once"""
     groups: list[BoundGroup]
 
 
 def bounds_section(run: RunData, ages: Mapping[str, Sequence[Array]]) -> BoundsSection:
-    """Return the section; `ages` are those of the commands in effect, (K,) s, by controller and trial in real time."""
+    """Return the section; `ages` are the ages of the commands in effect, (K,) s, by controller and real-time trial."""
     found: Mapping[str, Any] = run.bounds.get("controllers", {})
     task = run.bounds.get("task")
     trials = {trial.controller: trial.document for trial in run.trials}

@@ -1,12 +1,12 @@
-"""Which controller is best, as far as the repeats can tell: summary, verdicts and paired differences.
+"""Which controller is best, according to the repeats: summary, verdicts and paired differences.
 
 The rule: a cell is one metric on one axis in one phase of one condition. Repeat i has the same noise and disturbances
 for every controller, so values are compared in pairs, over the repeats that both controllers completed. The controller
 with the lowest mean is marked best only if, against every other controller, the paired difference has a 95 % confidence
-interval (Student's t) above zero, from three pairs or more. Where the repeats are identical to the last bit there is no
-spread: any difference above rounding counts, and the table says that the repeats are identical. A single repeat, or two
-that differ, mark no controller. Cells are judged one by one, without correction for their number: of pairs that do not
-differ, about one in twenty may be marked.
+interval (Student's t) above zero, from three pairs or more. If the repeats are identical to the last bit, there is no
+spread: any difference above rounding counts, and the table says that the repeats are identical. With a single repeat,
+or two that differ, no controller is marked. Cells are judged one by one, without correction for their number: of pairs
+with no real difference, about one in twenty may be marked.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ class Difference(NamedTuple):
     """The mean difference in pairs of values, first minus second."""
 
     mean: float
-    """NaN if there is no pair, or if in one of them both values are infinite or one is NaN"""
+    """NaN if there is no pair, or if in any pair both values are infinite or one is NaN"""
     low: float
     """Lower end of its 95 % confidence interval; -inf if there are too few pairs to judge"""
     high: float
-    """Upper end of it; +inf if there are too few pairs to judge"""
+    """Upper end of that interval; +inf if there are too few pairs to judge"""
     basis: str
-    """What the interval rests on"""
+    """What the interval is based on"""
 
 
 def paired_difference(pairs: np.ndarray) -> Difference:
@@ -87,11 +87,11 @@ class Verdict:
     lowest: str | None
     """The controller with the lowest mean, marked or not; None if there is a tie"""
     basis: str
-    """In a few words: what the mark rests on, or why there is none"""
+    """In a few words: what the mark is based on, or why there is none"""
 
 
 def verdict(values: pd.DataFrame) -> Verdict:
-    """Judge one cell. `values` has a row for each repeat and a column for each controller, NaN if not completed."""
+    """Judge one cell. `values` has one row per repeat and one column per controller, NaN if not completed."""
     values = values.dropna(axis="columns", how="all")
     if values.shape[1] < 2:
         return Verdict(None, None, "one controller")

@@ -1,4 +1,4 @@
-"""The content of a panel: curves thinned without losing an extreme, and limits that report what they cut off."""
+"""The content of a panel: curves thinned without losing extremes, and limits that report what they cut off."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from hilrig.core.signals import Array
 from hilrig.report.style import Style
 
 BUCKETS = 450
-"""Intervals of time across a panel; each keeps its smallest and its largest value"""
+"""Time intervals across a panel; each keeps its smallest and its largest value"""
 
 RUNAWAY = 20.0
-"""A curve that goes this many times further than every other is cut off, with a note"""
+"""A curve that reaches this many times further than every other is cut off, with a note"""
 
 
 class Curve(NamedTuple):
@@ -34,7 +34,7 @@ class AxisLimits(NamedTuple):
 
 
 def thin(time: Array, values: Array, buckets: int = BUCKETS) -> tuple[Array, Array]:
-    """Return about two points per bucket of `values` (N,) at most: the smallest and the largest, in order of time."""
+    """Return at most about two points per bucket of `values` (N,): the smallest and the largest, in order of time."""
     size = values.size // buckets
     if size <= 2:
         return time, values
@@ -55,8 +55,8 @@ def curve_window(curve: Curve, start: float, end: float) -> Curve:
 def limits(curves: list[Curve], unit: str, reference: Array | None = None) -> AxisLimits:
     """Return a range that covers every finite value of every curve, and of `reference`.
 
-    The exception is one curve that goes `RUNAWAY` times further than all others, and would flatten them to a line. Then
-    the range is three times that of the others, and a note says which curve is cut off and how far it goes.
+    The exception is a curve that reaches `RUNAWAY` times further than all others and would flatten them to a line. Then
+    the range is three times that of the others, and a note says which curve is cut off and how far it reaches.
     """
     finite = [curve.values[np.isfinite(curve.values)] for curve in curves]
     notes = [f"{c.label}: values that are not finite are not drawn" for c, f in zip(curves, finite, strict=True)

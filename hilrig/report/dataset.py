@@ -30,7 +30,7 @@ from hilrig.recording.run_directory import (
 from hilrig.recording.timing import terms_of
 
 SIGNAL_CHANNELS = ("truth", "command", "internals", "driver_timing", "controller_timing")
-"""The channels that a report needs; where the driver does not know the truth, the state takes its place"""
+"""The channels that a report needs; if the driver does not know the truth, the state is used instead"""
 
 JsonDocument = Mapping[str, Any]
 Channels = dict[str, dict[str, np.ndarray]]
@@ -38,7 +38,7 @@ Channels = dict[str, dict[str, np.ndarray]]
 
 @dataclass(frozen=True)
 class TrialEntry:
-    """One planned trial: its document in plan.json, and how the rig says it ended."""
+    """One planned trial: its document in plan.json, and how it ended according to the rig."""
 
     folder: Path
     document: JsonDocument
@@ -69,17 +69,17 @@ class TrialEntry:
 
     @property
     def completed(self) -> bool:
-        """Whether it ran to its end and its record is complete"""
+        """Whether the trial ran to its end and its record is complete"""
         return self.outcome["outcome"] == "completed"
 
     @property
     def ending(self) -> str:
-        """How it ended; "invalid" if it ran outside its timing budget"""
+        """How the trial ended; "invalid" if it ran outside its timing budget"""
         return ending(self.outcome)
 
     @property
     def counts(self) -> bool:
-        """Whether it is compared, because it completed within its timing budget"""
+        """Whether the trial is compared: it completed within its timing budget"""
         return self.ending == "completed"
 
 
@@ -93,7 +93,7 @@ class RunData:
     trials: tuple[TrialEntry, ...]
     experiment_text: str
     bounds: JsonDocument
-    """Which bounds the plan keeps, by controller and of the task; empty in a plan made before it said so"""
+    """The bounds that the plan keeps, by controller and for the task; empty in older plans without bounds"""
 
     @property
     def controllers(self) -> tuple[str, ...]:
@@ -118,9 +118,9 @@ class TrialSignals:
     record: PhaseRecord
     """The whole trial"""
     internals: dict[str, Array]
-    """What the control law published, by name, (N, k) each"""
+    """The fields that the control law published, by name, (N, k) each"""
     source: str
-    """Where position, velocity and force come from: "truth" or "measurement" """
+    """Source of position, velocity and force: "truth" or "measurement" """
 
 
 def load_run(path: Path) -> RunData:
@@ -149,14 +149,14 @@ def read_signals(trial: TrialEntry) -> TrialSignals | None:
 
 
 def read_channels(trial: TrialEntry) -> Channels:
-    """Return the channels in one trial's bag that a report needs; empty if there is no bag."""
+    """Return the channels that a report needs from one trial's bag; empty if there is no bag."""
     bag = trial.folder / "bag.mcap"
     channels = read_bag(bag, SIGNAL_CHANNELS) if bag.exists() else {}
     return channels if "truth" in channels or not channels else {**channels, **read_bag(bag, ("state",))}
 
 
 def align(channels: Channels, document: JsonDocument) -> TrialSignals | None:
-    """Return a bag's channels at their common ticks, named as the metrics need them; None for fewer than 2 ticks."""
+    """Return a bag's channels at their common ticks, named as in the metrics; None for fewer than 2 ticks."""
     plant = "truth" if "truth" in channels else "state"
     needed = [name for name in (plant, "command", "internals") if name in channels]
     if len(needed) < 3:
@@ -181,13 +181,13 @@ def _pick(channel: dict[str, np.ndarray], ticks: np.ndarray) -> dict[str, np.nda
 
 
 def timing_table(channels: Channels, one_clock: bool = True) -> StampTable | None:
-    """Return the time stamps of a trial by tick; None if its bag has none, like that of a compiled trial."""
+    """Return the time stamps of a trial by tick; None if its bag has none, as for a compiled trial."""
     driver = channels.get("driver_timing")
     return None if driver is None else join(driver, channels.get("controller_timing"), one_clock)
 
 
 def _late(channels: Channels, document: JsonDocument, ticks: np.ndarray) -> Array:
-    """Return how many ticks were late by the driver's stamps since the one before in `ticks`, (N,)."""
+    """Return how many ticks were late, by the driver's stamps, since the previous entry of `ticks`, (N,)."""
     table = timing_table(channels)
     if table is None:
         return np.zeros(ticks.size)

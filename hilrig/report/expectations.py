@@ -1,9 +1,10 @@
-"""Whether the expectations of an experiment are met.
+"""Judges whether the expectations of an experiment are met.
 
 The rule: a limit on a metric is met if every repeat keeps it. A limit on the difference of two controllers is met if
 the whole 95 % confidence interval of the mean paired difference keeps it (`comparison.paired_difference`, as for the
 marks in the verdict tables). Both must hold on every axis and under every condition, unless one is named, and every
-trial concerned must have completed within its timing budget. An outcome is met if every trial concerned ended so.
+trial concerned must have completed within its timing budget. An expected outcome is met if every trial concerned ended
+that way.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ Rows = Sequence[Mapping[Any, Any]]
 
 @dataclass(frozen=True)
 class Expected:
-    """One expectation and the value that decides it: the one nearest to the limit, or furthest beyond it."""
+    """One expectation and the deciding value: the one nearest to the limit, or furthest beyond it."""
 
     subject: str
     """What is limited, in words"""
@@ -36,10 +37,10 @@ class Expected:
     seen: str
     """The value, in words"""
     basis: str
-    """Where the value was measured, and what it rests on"""
+    """Where the value was measured, and what it is based on"""
     met: bool
     missing: int
-    """Number of trials concerned that did not complete or are invalid; if there is one, a limit is not met"""
+    """Number of trials concerned that did not complete or are invalid; if there are any, a limit is not met"""
     value: float | None
     """The value in the metric's unit, the mean for a difference; None if nothing was measured, and for an outcome"""
     low: float | None
@@ -49,7 +50,7 @@ class Expected:
 
 
 class _Limits(NamedTuple):
-    """The limits of a value; None where there is none."""
+    """The limits of a value; None for no limit."""
 
     below: float | None
     above: float | None
@@ -61,7 +62,7 @@ class _Limits(NamedTuple):
         return math.inf if math.isnan(low) or math.isnan(high) else max(over, under)
 
     def text(self, value: float) -> str:
-        """Return `value` with four digits, or with as many as it takes to tell it from the limits."""
+        """Return `value` with four digits, or as many as needed to tell it from the limits."""
         given = [limit for limit in self if limit is not None]
         texts = (f"{value:.{digits}g}" for digits in range(4, 18))
         return next(text for text in texts if all(_sides(float(text), x) == _sides(value, x) for x in given))
@@ -83,7 +84,7 @@ class _Seen(NamedTuple):
 def judge_expectations(
     expectations: Sequence[Mapping[str, Any]], metrics: pd.DataFrame, trials: Sequence[TrialEntry]
 ) -> list[Expected]:
-    """Judge the expectations, which are as in plan.json; return each with the value that decides it.
+    """Judge the expectations, given as in plan.json; return each with the value that decides it.
 
     `metrics` is the tidy table of the trials that are compared, `trials` are all planned trials.
     """
@@ -94,7 +95,7 @@ def judge_expectations(
 
 
 def _judge_outcome(expectation: Mapping[str, Any], trials: Sequence[TrialEntry]) -> Expected:
-    """Judge how trials ended; the basis is the first that ended otherwise, or the first of all if none did."""
+    """Judge how trials ended; the basis is the first that ended otherwise, or else the first trial."""
     wanted = expectation["outcome"]
     own = [trial for trial in trials if _speaks_of(expectation, trial)]
     others = [trial for trial in own if trial.ending != wanted]
@@ -111,9 +112,9 @@ def _judge_outcome(expectation: Mapping[str, Any], trials: Sequence[TrialEntry])
 
 
 def _ending(trial: TrialEntry, number: int) -> str:
-    """Return which trial it is, of how many, and why and when it ended."""
+    """Return which trial it is, out of how many, and why and when it ended."""
     outcome, first = trial.outcome, f", first of {number}" if number > 1 else ""
-    # The text of a failure names files on this machine; the reason of a trip contains its time.
+    # The text of a failure contains local file names; the reason of a trip contains its time.
     why = "see its log" if trial.ending == "failed" else reason_of(outcome) or trial.ending
     ticks = outcome.get("ticks", 0)
     when = (

@@ -1,4 +1,4 @@
-"""The figures of one condition: tracking, errors and effort, with one curve for each controller."""
+"""The figures of one condition: tracking, errors and effort, with one curve per controller."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def comparison_figures(drawn: Drawn) -> list[PanelPicture]:
 
 
 def _over_time(name: str, drawn: Drawn) -> list[PanelPicture]:
-    """Return the figures of one quantity, one for each axis that has it."""
+    """Return the figures of one quantity, one per axis."""
     title, label, unit, values, reference = QUANTITIES[name]
     longest = max((signals.record for _, signals in drawn.trials.values()), key=lambda record: record.time.size)
     desired = reference(longest) if reference else {}
@@ -41,7 +41,7 @@ def _over_time(name: str, drawn: Drawn) -> list[PanelPicture]:
 
 
 def _effort(drawn: Drawn) -> PanelPicture:
-    """Return the figure of the commanded torque, with a panel for each joint."""
+    """Return the figure of the commanded torque, with one panel per joint."""
     joints = drawn.some.record.torque.shape[1]
     named = legend(drawn, False)
     figure, grid = canvas(joints, 1, 1.3, 1.3, top=TOP + named.further)

@@ -17,7 +17,7 @@ from hilrig.report.style import COLOURS, Style
 
 INTERNALS_COLUMNS = 3
 NAMED_FIELDS = 6
-"""Up to this number of components are named in a panel; more are drawn, and their number is given"""
+"""Up to this many components are named in a panel; if there are more, all are drawn and their number is given"""
 
 _DOCUMENTED = re.compile(r"^.*,\s*\([^()]*\)\s*(?P<unit>.*)$", re.DOTALL)
 
@@ -25,8 +25,8 @@ _DOCUMENTED = re.compile(r"^.*,\s*\([^()]*\)\s*(?P<unit>.*)$", re.DOTALL)
 def memory_documents(kind: str) -> dict[str, str]:
     """Return the docstring below each field of the class `Memory` in a controller's source, by field.
 
-    A kind that builds on another has the other's, unless its own file has one. Empty where the kind can no longer be
-    loaded or has no such class.
+    A kind that builds on another uses the other's class, unless its own file has one. Empty if the kind can no longer
+    be loaded or has no such class.
     """
     try:
         modules = dict.fromkeys(
@@ -83,7 +83,7 @@ def _memory_panel(axes: Axes, name: str, signals: TrialSignals, document: str) -
     for depth, curve in enumerate(curves):
         draw(axes, curve, 3 + depth)
     unit = unit_of(document)
-    # The components of one law: none is cut so that the others can be seen, as a runaway controller would be.
+    # The components of one law: none is cut off to show the others, as a runaway controller would be.
     bounds = limits([Curve(name, record.time, values.ravel(), curves[0].style)], unit or "")
     low, high = bounds.low, bounds.high
     axes.set(xlim=(record.time[0], record.time[-1]), ylim=(low, high))
@@ -96,7 +96,7 @@ def _memory_panel(axes: Axes, name: str, signals: TrialSignals, document: str) -
 
 
 def _name_components(axes: Axes, labels: list[str]) -> None:
-    """Name the components at the panel's upper right, in their colours, if there are few."""
+    """Label the components at the panel's upper right, in their colours, if there are few."""
     if not 1 < len(labels) <= NAMED_FIELDS:
         return
     for i, label in enumerate(reversed(labels)):

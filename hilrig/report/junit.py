@@ -1,7 +1,7 @@
-"""JUnit XML, which CI systems read: a test case for each trial and for each expectation.
+"""JUnit XML for CI systems: one test case per trial and per expectation.
 
-There is no standard. This file keeps to what the common readers share: testsuites > testsuite > testcase > failure, as
-in Jenkins' junit-10.xsd. It has no time stamps, so the same run makes the same file.
+There is no standard. The output uses only what the common readers share: testsuites > testsuite > testcase > failure,
+as in Jenkins' junit-10.xsd. It has no time stamps, so the same run gives the same file.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from hilrig.report.dataset import RunData, TrialEntry
 from hilrig.report.expectations import Expected
 
 _NOT_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
-"""Characters that XML 1.0 cannot contain, not even escaped; a reason may quote anything"""
+"""Characters that XML 1.0 cannot contain, even escaped; a reason may quote any text"""
 
 
 def junit_xml(data: RunData, expected: Sequence[Expected]) -> str:
     """Return the run as JUnit XML: one test suite, with a failure for each trial and each expectation that failed.
 
-    A trial that did not complete is no failure if the experiment expects that. A trial outside its timing budget is.
+    A trial that did not complete is not a failure if the experiment expects that. A trial outside its timing budget is.
     """
     name = data.manifest["name"]
     cases = [_trial(name, trial, data.as_expected(trial)) for trial in data.trials] + [

@@ -1,4 +1,4 @@
-"""The legend above the panels: how many rows its names need, and how high they are."""
+"""The legend above the panels: the number of rows that its names need, and their height."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hilrig.report.style import RC, REFERENCE, Style
 MOST_ENTRIES = 6
 """Most names in a row"""
 SPACING, PAD = 1.6, 0.8
-"""Space between two columns, and between a line and its name, in heights of the font"""
+"""Space between two columns, and between a line and its name, in font heights"""
 ROW = 1.5 * RC["legend.fontsize"] / 72
 """Height of a row, inches"""
 
@@ -24,7 +24,7 @@ class Legend(NamedTuple):
     styles: dict[str, Style]
     """By name"""
     reference: bool
-    """Whether the reference is named too, as the first"""
+    """Whether the reference is included, as the first name"""
     columns: int
 
     @property
@@ -43,9 +43,9 @@ def legend_of(styles: dict[str, Style], reference: bool, width: float) -> Legend
 
 
 def _width(names: Sequence[str], columns: int) -> float:
-    """Return the width of a legend with this number of columns, which are filled one after the other, inches."""
+    """Return the width of a legend with this many columns, which are filled one after the other, inches."""
     size = float(RC["legend.fontsize"])
-    # Matplotlib splits the names in the same way. An array of objects keeps every name at its full length.
+    # Matplotlib splits the names in the same way. An object array keeps the full length of every name.
     parts = np.array_split(np.array(names, dtype=object), columns)
     widest = sum(max(_text_width(name, size) for name in part) for part in parts)
     return (widest + columns * (RC["legend.handlelength"] + PAD) * size + (columns - 1) * SPACING * size) / 72

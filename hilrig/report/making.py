@@ -29,7 +29,7 @@ REPORTS = Path("reports")
 
 
 def make_report(run: Path, out: Path | None = None) -> Path:
-    """Measure a run and write its report, from the run's directory alone; return the page's path."""
+    """Measure a run and write its report, using only the run's directory; return the page's path."""
     return write_report(measure_run(run, to_draw=True), out)
 
 
@@ -89,7 +89,7 @@ def _timing_figures(measured: Measured, folder: Path) -> list[Shown]:
 
 
 def _scene(measured: Measured) -> tuple[TrialEntry, Any] | None:
-    """Return the trial to animate (the first that is drawn and compared) and its joint positions (N, n), rad."""
+    """Return the trial to animate (the first one drawn and compared) and its joint positions (N, n), rad."""
     for trials in measured.drawn.values():
         for trial in trials.values():
             if trial.counts and trial.id in measured.kept:
@@ -98,7 +98,7 @@ def _scene(measured: Measured) -> tuple[TrialEntry, Any] | None:
 
 
 def _summary(content: Content) -> dict[str, Any]:
-    """Return the report's numbers, for programs."""
+    """Return the report's numbers in machine-readable form."""
     data = content.run
     cells = [
         {"condition": cell[0], "phase": cell[1], "metric": cell[2], "axis": cell[3], **vars(verdict)}

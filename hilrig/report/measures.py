@@ -1,4 +1,4 @@
-"""The tidy table of metrics: one row for each trial, phase, metric and axis."""
+"""The tidy table of metrics: one row per trial, phase, metric and axis."""
 
 from __future__ import annotations
 

@@ -25,13 +25,13 @@ MeasuredRun = Mapping[str, Mapping[str, TrialEntry]]
 
 @dataclass(frozen=True)
 class Kept:
-    """What is kept from the bag of a trial that is to be drawn."""
+    """The data kept from the bag of a trial that will be drawn."""
 
     signals: TrialSignals
     joints: Any
     """Joint positions, (N, n) rad"""
     table: StampTable | None
-    """The time stamps of its ticks in real time; None if it has none"""
+    """The time stamps of its ticks in real time; None if there are none"""
 
 
 @dataclass(frozen=True)
@@ -45,14 +45,14 @@ class Measured:
     """Metrics that failed, which the table leaves out: kind -> reason"""
     expected: list[Expected]
     sources: list[str]
-    """Where positions and forces come from: "truth", "measurement" or both; empty if no trial left a usable bag"""
+    """Source of positions and forces: "truth", "measurement" or both; empty if no trial left a usable bag"""
     drawn: MeasuredRun
     most_late: MeasuredRun
     """The repeats with the most late ticks, whose lateness is drawn; empty in lockstep"""
     kept: Mapping[str, Kept]
     """By trial id, for those in `drawn` and `most_late` that left a usable bag"""
     command_ages: Mapping[str, list[Array]]
-    """By controller, for each compared trial in real time, (K,) s; in lockstep the delay is the one that was set"""
+    """By controller, for each compared real-time trial, (K,) s; in lockstep the delay is the configured one"""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def _command_ages(data: RunData, reads: Mapping[str, _Read]) -> dict[str, list[A
 
 
 def _first_repeats(data: RunData) -> MeasuredRun:
-    """Return, for each condition and controller, the first repeat that is compared, or else the first of all."""
+    """Return, for each condition and controller, the first repeat that is compared, or else the first repeat."""
     chosen: dict[str, dict[str, TrialEntry]] = {condition: {} for condition in data.conditions}
     for trial in sorted(data.trials, key=lambda trial: (not trial.counts, trial.repeat)):
         chosen[trial.condition].setdefault(trial.controller, trial)
@@ -123,7 +123,7 @@ def _most_late(data: RunData) -> MeasuredRun:
 
 
 def _read_all(data: RunData, kept: Collection[str], failed: dict[str, str]) -> dict[str, _Read]:
-    """Read the bags one after the other; return what each usable one contains, by trial id."""
+    """Read the bags one after the other; return the content of each usable one, by trial id."""
     reads = {t.id: _read(t, t.id in kept, failed) for t in data.trials if t.counts or t.id in kept}
     return {name: read for name, read in reads.items() if read is not None}
 

@@ -24,7 +24,7 @@ from hilrig.report.timing_section import TimingSection
 from hilrig.report.verdict_table import Cell, answer_question, metric_title, verdict_tables
 
 STYLE = resources.files("hilrig.report").joinpath("page.css").read_text("utf-8")
-"""The look of every page: CSS"""
+"""The style of every page: CSS"""
 
 
 @dataclass(frozen=True)
@@ -35,14 +35,14 @@ class Shown:
     title: str
     caption: str
     source: str
-    """Data URI of the picture; "" if there is none, and then the caption says why"""
+    """Data URI of the picture; "" if there is none, in which case the caption says why"""
     file: str
     """Name of its files in figures/, without the suffix"""
 
 
 @dataclass(frozen=True)
 class Content:
-    """Everything that the page shows."""
+    """The content of the page."""
 
     run: RunData
     metrics: pd.DataFrame
@@ -50,10 +50,10 @@ class Content:
     verdicts: Mapping[Cell, Verdict]
     expected: list[Expected]
     figures: Mapping[str, list[Shown]]
-    """By condition, in the order of the page"""
+    """By condition, in page order"""
     animation: Shown
     sources: list[str]
-    """Where positions and forces come from: "truth", "measurement" or both"""
+    """Source of positions and forces: "truth", "measurement" or both"""
     folder: Path
     """Folder of the report"""
     bounds: BoundsSection
@@ -112,7 +112,7 @@ def _answer(content: Content) -> list[str]:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return `value` with `digits` significant digits, as a person writes it; "–" for None and NaN, "∞" if infinite."""
+    """Return `value` with `digits` significant digits, in plain notation; "–" for None and NaN, "∞" if infinite."""
     if value is None or math.isnan(value):
         return "–"
     if math.isinf(value):

@@ -21,12 +21,12 @@ TOP, BOTTOM, LEFT, RIGHT = 0.42, 0.42, 0.62, 0.1
 MARK = 9.0
 """Height of a row of marks, points"""
 OUTLINE = (withStroke(linewidth=1.6, foreground="#ffffff"),)
-"""Outline of the letters of a mark, so that it can be read over curves and hides little of them"""
+"""Outline of the letters of a mark, so that it stays readable over curves and hides little of them"""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """The trials of one condition that the figures show, one for each controller."""
+    """The trials of one condition that the figures show, one per controller."""
 
     trials: dict[str, tuple[TrialEntry, TrialSignals]]
     controllers: tuple[str, ...]
@@ -34,7 +34,7 @@ class Drawn:
 
     @property
     def some(self) -> TrialSignals:
-        """Signals of one of the trials, for what all have in common"""
+        """Signals of one of the trials, for everything that all have in common"""
         return next(iter(self.trials.values()))[1]
 
     @property
@@ -59,7 +59,7 @@ class PanelPicture:
 
 
 def controller_curves(drawn: Drawn, pick: Callable[[TrialSignals], Array]) -> list[Curve]:
-    """Return a curve for each controller drawn; the noisiest first, so that it hides no other."""
+    """Return one curve per drawn controller; the noisiest first, so that it hides no other."""
     looks = styles(drawn.controllers)
     curves = [Curve(name, s.record.time, pick(s), looks[name]) for name, (_, s) in drawn.trials.items()]
     return sorted(curves, key=lambda curve: -float(np.nanstd(np.diff(curve.values))))
@@ -115,7 +115,7 @@ def panel(
     unit: str,
     span: tuple[float, float],
 ) -> tuple[str, ...]:
-    """Draw curves over `span`; return notes on what the limits leave out, which are written on the panel too."""
+    """Draw curves over `span`; return notes on what the limits cut off, which are also written on the panel."""
     wanted = None
     if reference is not None:
         wanted = curve_window(Curve("", *reference, Style(REFERENCE, "-")), *span)
@@ -141,7 +141,7 @@ def draw(axes: Axes, curve: Curve, depth: float) -> None:
 def canvas(
     rows: int, columns: int, first: float, other: float, top: float = TOP, between: float = 0.24
 ) -> tuple[Figure, Any]:
-    """Return a figure as wide as two columns of a page, and its grid.
+    """Return a two-column figure and its grid.
 
     `first`, `other` and `top` are the heights of the first row, of each other row and of the margin at the top, inches;
     `between` is the gap between columns, as a fraction of their width.
@@ -171,7 +171,7 @@ def mark_phases(axes: Axes, drawn: Drawn) -> None:
     for row, (name, signals) in enumerate(early.items()):
         ended, outcome = float(signals.record.time[-1]), drawn.trials[name][0].ending
         axes.axvline(ended, color=looks[name].colour, linewidth=0.8, zorder=40)
-        # Each mark has a row of its own and points to the middle: none covers another or leaves the panel.
+        # Each mark has its own row and points to the middle, so none covers another or leaves the panel.
         side = 1 if ended <= 0.6 * drawn.end else -1
         axes.annotate(f"{name} {outcome}", (ended, 0.02), xycoords=("data", "axes fraction"),
                       xytext=(3 * side, 2 + MARK * row), textcoords="offset points", fontsize=7, zorder=45,

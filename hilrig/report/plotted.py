@@ -13,7 +13,7 @@ CurvesByAxis = dict[str, Array]
 
 
 class Quantity(NamedTuple):
-    """Something that has a value at every tick, for some axes or for all."""
+    """A quantity with a value at every tick, for some or all axes."""
 
     title: str
     """Title of a figure"""
@@ -23,11 +23,11 @@ class Quantity(NamedTuple):
     values: Callable[[PhaseRecord], CurvesByAxis]
     """Values in `unit`"""
     reference: Callable[[PhaseRecord], CurvesByAxis] | None = None
-    """What the values should follow, in `unit`"""
+    """The reference for the values, in `unit`"""
 
 
 def _by_axis(values: Array, record: PhaseRecord, sigma: int | None = None) -> CurvesByAxis:
-    """Return the columns of `values` (N, m) of the axes with this sigma; of all axes for None."""
+    """Return the columns of `values` (N, m) for the axes with this sigma; for all axes if None."""
     return {axis: values[:, i] for i, axis in enumerate(record.axes) if sigma is None or record.sigma[i] == sigma}
 
 
@@ -48,4 +48,4 @@ QUANTITIES: Mapping[str, Quantity] = {
         "Auxiliary error, eq. (25)", "auxiliary error", "N", lambda r: _by_axis(r.auxiliary_error(), r)
     ),
 }  # fmt: skip
-"""In the order in which the page shows them"""
+"""In page order"""

@@ -1,6 +1,6 @@
-"""matplotlib, as the figures use it: its defaults with hilrig's own style on top. The only file that imports it.
+"""matplotlib with its defaults and hilrig's own style. The only file that imports it.
 
-What the user has set for other figures, in a matplotlibrc or in MPLBACKEND, neither shapes nor prevents these.
+The user's settings for other figures, in a matplotlibrc or in MPLBACKEND, have no effect here.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from hilrig.report.style import RC
 
 @contextmanager
 def _without_backend() -> Iterator[None]:
-    """Keep MPLBACKEND from an import of matplotlib, which would fail where that backend is not installed.
+    """Hide MPLBACKEND while matplotlib is imported, which would fail if that backend is not installed.
 
-    Jupyter sets it for all commands that a notebook starts. Figures are written to files here and need no backend;
-    a program that uses hilrig as a library gets the one that it asked for, if there is one.
+    Jupyter sets it for all commands that a notebook starts. Figures are written to files and need no backend here; a
+    program that uses hilrig as a library still gets the one it asked for, if available.
     """
     first = "matplotlib" not in sys.modules
     backend = os.environ.pop("MPLBACKEND", None) if first else None
@@ -28,8 +28,8 @@ def _without_backend() -> Iterator[None]:
         yield
     except (OSError, ValueError, locale.Error) as error:
         raise HilrigError(
-            f"matplotlib cannot read its settings: {error}; look for a file matplotlibrc here or in your home folder, "
-            "and at the variables MATPLOTLIBRC and MPLCONFIGDIR"
+            f"matplotlib cannot read its settings: {error}; check for a file matplotlibrc here "
+            "or in your home folder, and the variables MATPLOTLIBRC and MPLCONFIGDIR"
         ) from error
     finally:
         if backend is not None:
@@ -57,7 +57,7 @@ __all__ = [
 
 @contextmanager
 def figure_style() -> Iterator[None]:
-    """Have figures drawn and saved in hilrig's style; afterwards the user's settings are as before."""
+    """Draw and save figures in hilrig's style; the user's settings are restored afterwards."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(RC)

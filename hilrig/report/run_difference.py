@@ -17,7 +17,7 @@ KEY = ["controller", *CELL]
 
 
 def run_metrics(run: RunData) -> pd.DataFrame:
-    """Return the metrics of a run's compared trials, from its metrics.csv or, if there is none, measured now."""
+    """Return the metrics of a run's compared trials, from its metrics.csv or, if there is none, by measuring now."""
     stored = run.path / "metrics.csv"
     if stored.exists():
         return read_table(stored)
@@ -33,8 +33,8 @@ def compare_runs(run_a: Path, run_b: Path) -> pd.DataFrame:
 
     Columns: controller, condition, phase, metric, axis, unit, a, b, difference, relative, low, high, repeats. `low` and
     `high` are the 95 % confidence interval (Student's t) of the mean difference; they are infinite for fewer than two
-    repeats, and if the seeds of the runs differ, because then repeats are not pairs. `attrs["notes"]` lists what limits
-    the comparison. Raises RunDirectoryError if a directory is not a run, or if the runs have nothing in common.
+    repeats, and if the seeds of the runs differ, because then repeats are not paired. `attrs["notes"]` lists what
+    limits the comparison. Raises RunDirectoryError if a directory is not a run, or if the runs have nothing in common.
     """
     a, b = load_run(run_a), load_run(run_b)
     tables = [run_metrics(run) for run in (a, b)]
@@ -62,7 +62,7 @@ def _row(key: tuple[str, ...], rows: pd.DataFrame, paired: bool) -> tuple[object
 
 
 def _notes(a: RunData, b: RunData, unmatched: int) -> list[str]:
-    """Return in which respects the two runs differ as experiments, and what cannot be compared."""
+    """Return how the two runs differ as experiments, and what cannot be compared."""
     notes = [
         f"{what} differs: {a.manifest.get(what)} and {b.manifest.get(what)}"
         for what in ("name", "seed", "commit", "clock")

@@ -1,4 +1,4 @@
-"""Figures on disk, as SVG and PNG, and as what a page can hold."""
+"""Saves figures as SVG and PNG, and prepares them for embedding in a page."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ def save(picture: PanelPicture, condition: str, folder: Path) -> Shown:
 
 
 def write_figure(figure: Figure, stem: Path) -> str:
-    """Write a figure as `stem`.svg and .png; return what stands in the page: the SVG, or if that is too large the PNG.
+    """Write a figure as `stem`.svg and .png; return the image for the page: the SVG, or the PNG if the SVG is too
+    large.
 
-    Without dates and versions in the files, the same data make the same bytes.
+    The files have no dates or versions, so the same data give the same bytes.
     """
     with figure_style():
         figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None, "Creator": None})
@@ -34,5 +35,5 @@ def write_figure(figure: Figure, stem: Path) -> str:
 
 
 def data_uri(kind: str, content: bytes) -> str:
-    """Return content that stands in the page itself."""
+    """Return content as a data URI for embedding in the page."""
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"

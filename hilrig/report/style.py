@@ -1,4 +1,4 @@
-"""How figures look: sizes for print, colours that a colour-blind reader tells apart, a line style for each."""
+"""The style of figures: print sizes, and colours that colour-blind readers can tell apart, each with a line style."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ TWO_COLUMNS = 7.16
 """Width of a figure across both columns of a paper, inches"""
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#6B4C1E", "#8A8A8A")
-"""Okabe and Ito's, without the yellow that vanishes on white; brown and grey follow"""
+"""Okabe and Ito's palette without yellow, which is hard to see on white, then brown and grey"""
 
 DASHES: tuple[Any, ...] = (
     "-",
@@ -65,5 +65,5 @@ class Style(NamedTuple):
 
 
 def styles(names: tuple[str, ...]) -> dict[str, Style]:
-    """Return a style for each name, by its place; colour and dashes repeat with different lengths."""
+    """Return a style for each name, by its position; colours and dashes repeat with different cycle lengths."""
     return {name: Style(COLOURS[i % len(COLOURS)], DASHES[i % len(DASHES)]) for i, name in enumerate(names)}

@@ -26,7 +26,7 @@ LINE_COLOUR = "#4d4d4d"
 FINE = (1.0, 2.0, 5.0)
 """Tick labels in a decade of an axis that has few decades"""
 FEW_DECADES = 100.0
-"""Upper end over lower end below which an axis has few decades"""
+"""Ratio of upper to lower limit below which an axis has few decades"""
 WIDTH = TWO_COLUMNS - LEFT - RIGHT
 
 
@@ -39,7 +39,7 @@ class Stamped(NamedTuple):
 
 
 def lateness_figure(condition: str, trials: Mapping[str, Stamped]) -> PanelPicture:
-    """Return lateness over time, a panel for each controller, with the late ticks in the colours of their causes."""
+    """Return lateness over time, one panel per controller, with the late ticks in the colours of their causes."""
     with figure_style():
         named = legend_of({f"late: {name}": Style(colour, "-") for name, colour in CAUSE_COLOURS.items()}, False, WIDTH)
         figure, grid = canvas(len(trials), 1, 1.3, 1.3, top=TOP + named.further)
@@ -64,7 +64,7 @@ def _over_time(axes: Axes, stamped: Stamped) -> None:
     axes.axhline(1e6 * period, color=MUTED, linewidth=0.7, linestyle=(0, (4, 2)))
     axes.set_yscale("log")
     low, high = LEAST, max(float(lateness.max(initial=0.0)), 1e6 * period)
-    # A quarter of the panel above the curve is free for the marks.
+    # Leave a quarter of the panel free above the curve for the marks.
     axes.set_ylim(max(low, float(lateness.min(initial=high)) / 2), high * (high / max(low, 1.0)) ** 0.35)
     for number, colour in enumerate(CAUSE_COLOURS.values()):
         at = time[stamped.found.cause == number]

@@ -15,14 +15,14 @@ TIMES = {
 }  # fmt: skip
 """The quantities in timing.json, and their titles"""
 IN_LOCKSTEP = ("compute", "round_trip")
-"""Those that have a meaning in lockstep, where the plant waits"""
+"""Those that are meaningful in lockstep, where the plant waits"""
 ONE_WAY = ("state_transport", "command_transport")
 """Those that need a common clock; without one the round trip is shown instead"""
 
 
 @dataclass(frozen=True)
 class TimingRow:
-    """The timing of one trial; None for what is not known."""
+    """The timing of one trial; None for unknown values."""
 
     trial: str
     ending: str
@@ -51,10 +51,10 @@ class SetupRow:
     wanted: str
     applied: str
     refused: bool
-    """Whether something else than the wanted value was applied"""
+    """Whether a value other than the wanted one was applied"""
     reason: str
     trials: str
-    """The trials in which it was so"""
+    """The trials to which this applies"""
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,9 @@ class TimingSection:
     budget: str
     """In words; "" if there is none"""
     two_clocks: bool
-    """Whether driver and controller had different clocks in some trial"""
+    """Whether driver and controller had different clocks in any trial"""
     unstamped: list[str]
-    """Trials that did ticks but have no time stamps, because they ran in a compiled loop"""
+    """Trials with ticks but without time stamps, because they ran in a compiled loop"""
 
 
 def timing_section(run: RunData) -> TimingSection:
@@ -117,7 +117,7 @@ def _budgets(trials: Sequence[TrialEntry]) -> str:
 
 
 def _setup(trials: Sequence[TrialEntry]) -> list[SetupRow]:
-    """Return the settings; rows that are equal in several trials are joined."""
+    """Return the settings; identical rows of several trials are merged."""
     told = [trial for trial in trials if trial.timing.get("setup")]
     found: dict[tuple[str, str, str, str, str], list[str]] = {}
     for trial in told:

@@ -13,12 +13,12 @@ from hilrig.report.comparison import Verdict
 
 Cell = tuple[str, str, str, str]
 HEADLINES = ("force_rmse", "position_rmse", "auxiliary_error_rmse")
-"""The metrics that the answer names; the tables have all"""
+"""The metrics that the answer names; the tables show all"""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One controller's value in a row."""
+    """One controller's value in a table row."""
 
     mean: float | None
     sd: float | None
@@ -91,7 +91,7 @@ def metric_title(kind: str) -> str:
 
 
 def answer_question(verdicts: Mapping[Cell, Verdict], summary: pd.DataFrame, controllers: tuple[str, ...]) -> list[str]:
-    """Return the answer: a sentence for each condition, and one that counts the marks in all tables."""
+    """Return the answer: one sentence per condition, and one that counts the marks in all tables."""
     if len(controllers) < 2:
         return [f"Only one controller was run ({', '.join(controllers)}), so there is nothing to compare."]
     conditions = list(dict.fromkeys(cell[0] for cell in verdicts))

@@ -1,4 +1,4 @@
-"""Sends packets to the logger from a thread of its own, so that in real time the loop never waits for the bus."""
+"""Sends packets to the logger from its own thread, so that in real time the loop never waits for the bus."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from threading import Event, Thread
 MOST_WAITING = 1000
 """Packets that may wait, half a minute's worth; beyond that the oldest are dropped, and counted as lost"""
 FLUSH_TIMEOUT_S = 60.0
-"""How long the packets that wait may take to go out"""
+"""How long the queued packets may take to be sent"""
 
 
 class BackgroundSender:
@@ -24,7 +24,7 @@ class BackgroundSender:
         self._thread.start()
 
     def send(self, packet: bytes) -> None:
-        """Queue a packet; if too many wait already, drop the oldest.
+        """Queue a packet; if the queue is full, drop the oldest.
 
         The newest is kept because the logger waits for the last one.
         """

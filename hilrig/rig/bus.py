@@ -1,7 +1,7 @@
 """The zenoh bus. The only file that imports zenoh.
 
 Discovery is off and every endpoint is explicit. A participant declares its subscriptions first and its liveliness token
-last, and declarations keep their order on a link. So whoever sees a participant's token knows that messages reach it.
+last, and declarations keep their order on a link. So a participant whose token is visible can receive messages.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import zenoh
 from hilrig.core.errors import RigError
 
 DEPTH = 4096
-"""Messages that an inbox holds; a further one blocks its sender (lockstep) or is lost (real time)"""
+"""Messages that an inbox holds; one more blocks its sender (lockstep) or is lost (real time)"""
 
 TOKENS_TIMEOUT_S = 1.0
 """How long to wait for the others' liveliness tokens"""
 LOOK_S = 0.005
-"""Time between two looks at the tokens"""
+"""Time between two checks of the tokens"""
 
 
 def configuration(listen: Iterable[str], connect: Iterable[str], low_latency: bool = True) -> zenoh.Config:
@@ -34,7 +34,7 @@ def configuration(listen: Iterable[str], connect: Iterable[str], low_latency: bo
         "scouting/gossip/enabled": False,
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),
-        # Opening does not wait for the others: tokens show who is missing, and the connection is tried again.
+        # Opening does not wait for the others: tokens show who is missing, and the connection is retried.
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
         "connect/retry": {"period_init_ms": 20, "period_max_ms": 100, "period_increase_factor": 1},
@@ -71,7 +71,7 @@ class Outbox:
         """Send one message"""
 
     def end(self) -> None:
-        """Send an empty message, which means that it was the last."""
+        """Send an empty message, which marks the end of the channel."""
         self.put(b"")
 
 

@@ -1,8 +1,8 @@
 """How a trial's messages reach the logger.
 
 The loop waits for state and command: each is sent alone, at once, to the one process that needs it. For the record, a
-sender keeps its messages in record batches, one row a tick, and sends the logger many ticks in one packet. Sent one by
-one, they would wake the logger six times a tick and cost the loop more than the control law.
+sender keeps its messages in record batches, one row per tick, and sends the logger many ticks in one packet. Sent one
+by one, they would wake the logger six times per tick and cost the loop more than the control law.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from hilrig.recording.messages.layouts import CHANNELS
 from hilrig.recording.messages.record_batch import RecordBatch
 
 PACKET_TICKS = 32
-"""Most ticks in one packet to the logger; a sender that is killed takes them with it"""
+"""Maximum ticks in one packet to the logger; they are lost if the sender is killed"""
 PACKET_BYTES = 60_000
-"""Most bytes in one packet; a low-latency link silently drops messages above 65,000"""
+"""Maximum bytes in one packet; a low-latency link silently drops messages above 65,000"""
 NAMES = tuple(CHANNELS)
 DRIVER_CHANNELS = ("state", "truth", "driver_timing")
 CONTROLLER_CHANNELS = ("command", "internals", "controller_timing")
 
 _FRAME = struct.Struct("<BII")
-"""Before the messages of a channel in a packet: the channel's number, how many messages, bytes of each"""
+"""Frame header before a channel's messages in a packet: the channel's number, how many messages, bytes of each"""
 _PRACTICE = 0x40
-"""Marks a frame whose content means nothing"""
+"""Marks a frame whose content is ignored"""
 _COUNT = 0x80
 """Marks a frame that gives the number of all messages on its channel"""
 
@@ -39,10 +39,10 @@ class RecordBatches:
 
     def __init__(self, codecs: Mapping[str, Codec], names: tuple[str, ...], rows: int) -> None:
         self.rows = rows
-        """Rows of each batch: how many ticks are handed over together"""
+        """Rows per batch: how many ticks are handed over together"""
         self.batches = {name: RecordBatch(codecs[name], rows) for name in names}
         self.written = dict.fromkeys(names, 0)
-        """Rows that are written but not handed over, by channel; the sender counts them"""
+        """Rows that are written but not yet handed over, by channel; the sender counts them"""
         self.counts = dict.fromkeys(names, 0)
         """Messages that were handed over, by channel"""
 
@@ -73,11 +73,11 @@ class RecordSender(RecordBatches):
         self._put = put
         *self._signals, self._timing = names
         self.stamps: list[tuple[float, ...]] = []
-        """Messages of the last channel, which holds the time stamps. They are written into its batch all together when
-        it is sent: code that runs once a tick is no longer in the processor's caches at the next"""
+        """Messages of the last channel, which holds the time stamps. They are all written into its batch when the batch
+        is sent: code that runs once per tick has left the processor's caches by the next tick"""
 
     def wrote(self, row: int) -> None:
-        """Note that all batches except the one of the stamps are written up to `row`."""
+        """Note that all batches except that of the stamps are written up to `row`."""
         for name in self._signals:
             self.written[name] = row + 1
 
@@ -93,7 +93,7 @@ class RecordSender(RecordBatches):
             self._put(b"".join(frames))
 
     def rehearse(self) -> None:
-        """Send a packet as large as those to come; the logger skips its content."""
+        """Send a packet as large as the later ones; the logger skips its content."""
         size = sum(batch.payloads.size for batch in self.batches.values())
         self._put(_FRAME.pack(_PRACTICE, 1, size) + bytes(size))
 

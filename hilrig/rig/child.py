@@ -1,4 +1,4 @@
-"""What the three processes of a trial have in common: how they start, talk to the supervisor, and end."""
+"""The common part of a trial's three processes: how they start, talk to the supervisor, and end."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from hilrig.rig.setup import Report, as_wanted, prepare, refusals, settle
 PR_SET_PDEATHSIG = 1
 REHEARSALS = 3
 PAUSE_S = 0.03
-"""After a rehearsal: once in a session, the first message after a pause of 20 ms costs zenoh 5 ms of processor time"""
+"""After a rehearsal: once per session, the first message after a 20 ms pause costs zenoh 5 ms of processor time"""
 
 
 @dataclass(frozen=True)
 class Orders:
-    """What a child gets on its command line, as JSON."""
+    """The orders that a child gets on its command line, as JSON."""
 
     role: str
     run: str
@@ -68,20 +68,21 @@ class Child:
         self.run = Path(orders.run)
         self.settings = RigSettings(**orders.settings)
         self.setup: Report = {}
-        """Which settings were applied in this process, and why not the others"""
+        """The settings that were applied in this process, and why others were not"""
         self._bus: Bus | None = None
         self._sender: BackgroundSender | None = None
         self.resume_monitor = ResumeMonitor()
 
     def read_trial(self) -> Trial:
-        """Return the trial that this rig runs."""
+        """Return the trial that this process belongs to."""
         return read_trial(self.run, self.orders.trial)
 
     @property
     def bus(self) -> Bus:
-        """The child's connection to the bus, opened at the first use.
+        """The child's connection to the bus, opened at first use.
 
-        Kernels are compiled before that, on any core. The bus's threads inherit the cores that the process has by then.
+        Kernels are compiled before that, on any core. The bus's threads inherit the cores that the process has at that
+        time.
         """
         if self._bus is None:
             self.setup = prepare(self.settings, self.role, self.orders.cores, self.orders.realtime)
@@ -107,7 +108,7 @@ class Child:
             self._sender.finish()
 
     def leave(self) -> None:
-        """Leave the bus, if the child is on it."""
+        """Leave the bus, if connected."""
         if self._bus is not None:
             self._bus.close()
 
@@ -121,7 +122,7 @@ class Child:
     ) -> dict[str, Any]:
         """Report that this process is ready, wait for the order to go, and return that order.
 
-        `rehearse` is called before, once everything is set up: it does what costs more the first time.
+        Before that, `rehearse` is called once everything is set up: it runs what costs more the first time.
         """
         self.bus.announce()
         timeout_s = self.orders.ready_timeout_s
@@ -159,7 +160,8 @@ class Signals:
     """The signals that end a child: SIGTERM from the supervisor, SIGHUP from the kernel when the supervisor is gone.
 
     The kernel sends SIGHUP when the thread that started the child ends, and again for each thread that inherits the
-    child. So it comes several times, and before `getppid` shows that the parent is gone. Only the first signal raises.
+    child. So it arrives several times, and before `getppid` shows that the parent is gone. Only the first signal
+    raises.
     """
 
     def __init__(self) -> None:
@@ -167,7 +169,7 @@ class Signals:
         self._told = False
 
     def listen(self, parent: int) -> None:
-        """Handle signals from now on: the first one raises Stopped, here or wherever the main thread is then."""
+        """Handle signals from now on: the first one raises Stopped wherever the main thread is then."""
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, self._stop)
         signal.signal(signal.SIGHUP, self._stop)
@@ -182,12 +184,15 @@ class Signals:
             raise Stopped("the supervisor is gone" if self.orphaned else "terminated")
 
     def enough(self) -> None:
-        """Ignore further signals: the child is about to end."""
+        """Ignore further signals, because the child is about to end."""
         self._told = True
 
 
 def main(work: Callable[[Child], None]) -> None:
-    """Run one role, as ordered on the command line. Exit code 0: it ended properly, whatever the trial's outcome."""
+    """Run one role, as ordered on the command line.
+
+    Exit code 0: the process ended properly, whatever the outcome of the trial.
+    """
     orders = Orders(**json.loads(sys.argv[1]))
     signals = Signals()
     code = 0

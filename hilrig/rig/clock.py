@@ -8,7 +8,7 @@ import time
 TIMER_ABSTIME = 1
 NANOSECONDS = 1_000_000_000
 PROGRESS_NS = 100_000_000
-"""Time between two reports of a trial's progress, and between two looks at whether to stop, ns"""
+"""Time between two progress reports, and between two checks of whether to stop, ns"""
 
 
 class _Timespec(ctypes.Structure):
@@ -19,7 +19,7 @@ _libc = ctypes.CDLL(None, use_errno=True)
 
 
 def sleep_until(moment: int) -> None:
-    """Sleep until `moment`, CLOCK_MONOTONIC in ns; return at once if it is past. A signal does not end the sleep."""
+    """Sleep until `moment`, CLOCK_MONOTONIC in ns; return at once if it has passed. A signal does not end the sleep."""
     spec = _Timespec(moment // NANOSECONDS, moment % NANOSECONDS)
     while _libc.clock_nanosleep(time.CLOCK_MONOTONIC, TIMER_ABSTIME, ctypes.byref(spec), None) != 0:
         if time.monotonic_ns() >= moment:

@@ -1,4 +1,4 @@
-"""Receives commands for the driver, each with the time at which it arrived."""
+"""Receives commands for the driver, each with its arrival time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class BlockingCommandReceiver:
 class CommandReceiver:
     """For real time: a thread receives the commands while the driver sleeps, and stamps each when it arrives.
 
-    If the driver looked for them when it wakes, nobody could tell whether the bus or the controller took long.
+    If the driver only checked for them when it wakes, a delay in the bus and one in the controller would look the same.
     """
 
     def __init__(self, inbox: Inbox) -> None:
@@ -37,7 +37,7 @@ class CommandReceiver:
         while message:
             try:
                 message = self._inbox.take()
-            except Exception:  # the bus is closed: no message will come, as after an empty one
+            except Exception:  # the bus is closed: no more messages, as after an empty one
                 message = b""
             self._arrived.append((time.monotonic_ns(), message))
 

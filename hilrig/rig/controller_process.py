@@ -1,4 +1,4 @@
-"""The controller's process: woken by a measurement, it answers with a command."""
+"""The controller process: woken by a measurement, it answers with a command."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hilrig.rig.warm_up import warm_up_controller
 
 
 def work(child: Child) -> None:
-    """Answer every measurement until the driver says that it was the last."""
+    """Answer every measurement until the driver marks the last one."""
     trial = child.read_trial()
     memory = warm_up_controller(trial)
     codecs = layouts(trial.driver.robot.joints, len(trial.axes), memory)

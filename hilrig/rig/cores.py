@@ -12,8 +12,8 @@ ISOLATED = Path("/sys/devices/system/cpu/isolated")
 def cores_for(slot: int, realtime: bool = False) -> dict[str, tuple[int, ...]]:
     """Return the cores of each role: one for driver and controller together, another for the logger.
 
-    Driver and controller hand over to each other fastest on one core. In real time they get a core that the machine
-    was booted to keep free (isolcpus), if there is one.
+    Driver and controller hand over to each other fastest on one core. In real time they get an isolated core
+    (isolcpus), if there is one.
     """
     cores = sorted(os.sched_getaffinity(0))
     own, other = cores[slot % len(cores)], cores[(slot + 1) % len(cores)]
@@ -40,7 +40,7 @@ def listed(text: str) -> list[int]:
 
 
 def pin(cores: Iterable[int]) -> tuple[str, str]:
-    """Pin this process to `cores`; return (the cores on which it runs now, why they are not those wanted)."""
+    """Pin this process to `cores`; return (the cores it now runs on, why they differ from those wanted)."""
     wanted, reason = set(cores), ""
     try:
         os.sched_setaffinity(0, wanted)

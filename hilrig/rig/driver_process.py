@@ -1,4 +1,4 @@
-"""The driver's process: plant, clock of the trial, and the bus."""
+"""The driver process: plant, clock of the trial, and the bus."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from hilrig.rig.rows import HeardCommand, driver_rows
 from hilrig.rig.warm_up import warm_up_driver
 
 UNHEARD = 100
-"""Ticks without an answer in real time, after which only every so many measurements are sent: a process that does not
-read fills its socket's buffer with some 250 of them, and then the link makes the driver wait, dropping or not"""
+"""Ticks without an answer in real time, after which only one measurement in this many is sent: about 250 unread ones
+fill the socket buffer of a process that does not read, and then the link makes the driver wait, dropping or not"""
 
 
 class BusWire:
@@ -49,7 +49,7 @@ class BusWire:
         self._next_report = 0
 
     def wait(self, tick: int) -> None:
-        """Wait until the tick is due; report progress and look for orders now and then."""
+        """Wait until the tick is due; report progress and check for orders now and then."""
         self._due = self._pacer.wait(tick)
         self._woke = woke = time.monotonic_ns()
         if woke > self._next_report:
@@ -61,7 +61,7 @@ class BusWire:
             self._injector.stall(tick)
 
     def publish(self, tick: int) -> None:
-        """Send the state that is on its batch."""
+        """Send the state from its batch."""
         row = tick % self._record.rows
         if self._realtime and tick % UNHEARD and tick - self._acting > UNHEARD:
             self._published = 0
@@ -99,7 +99,7 @@ class BusWire:
             self._waiting.append((int.from_bytes(message[4:12], "little"), received, message))
 
     def _note(self, tick: int, row: int) -> None:
-        """Note when things happened at this tick; every so many ticks hand the record over."""
+        """Write the time stamps of this tick; hand over the record when the batches are full."""
         if self._certified:
             self._record.stamps.append((
                 tick, tick * self._period, self._due, self._woke, self._published, self._acting, self._received,
@@ -113,14 +113,14 @@ class BusWire:
         self._record.rehearse()
 
     def end(self) -> None:
-        """Send what is left and say that this was all."""
+        """Send the remaining messages and mark the end."""
         self._outbox.end()
         self._record.end()
         self._child.finish_record()
 
 
 def work(child: Child) -> None:
-    """Run the trial from the driver's side."""
+    """Run the driver's side of the trial."""
     trial = child.read_trial()
     warm_up_driver(trial)
     injector = Injector.of(trial, "driver")

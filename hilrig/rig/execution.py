@@ -34,7 +34,7 @@ from hilrig.rig.worker import Worker
 
 
 class Listener(Protocol):
-    """Hears how the trials progress. Called from several threads when there are several jobs."""
+    """Receives the progress of the trials. Called from several threads if there are several jobs."""
 
     def opened(self, run: Path) -> None:
         """The run directory exists; no trial has started yet."""
@@ -55,7 +55,7 @@ class Listener(Protocol):
 
 @dataclass(frozen=True)
 class Options:
-    """How an experiment is to be run."""
+    """How to run an experiment."""
 
     out: Path
     command: Sequence[str]
@@ -74,17 +74,17 @@ def execute(
     options: Options,
     listener: Listener,
 ) -> tuple[Path, list[Outcome]]:
-    """Run all trials of the experiment in file `source`, of which the `assessment` is written down with the plan.
+    """Run all trials of the experiment in file `source`, and write its `assessment` into the plan.
 
     Returns the run directory and the outcomes of the trials that were started, in the plan's order. Raises
-    ExperimentError if the options do not suit the trials.
+    ExperimentError if the options do not fit the trials.
     """
     if options.in_process:
         _refuse_faults(trials)
     plan = {
         "experiment": experiment.to_document(),
         "trials": [trial.to_document() for trial in trials],
-        # Written down here: a report may be made where the robot's code is absent.
+        # Stored here because a report may be made on a machine without the robot's code.
         "bounds": assessment.document(),
     }
     run = create_run(options.out, experiment.name, source.read_bytes(), plan)
@@ -103,7 +103,7 @@ def execute(
 
 
 def _refuse_faults(trials: Sequence[Trial]) -> None:
-    """Raise ExperimentError if a condition has faults: in one process there is no bus and no other process to stall."""
+    """Raise ExperimentError if a condition has faults: one process has no bus and no other process to stall."""
     for trial in trials:
         for disturbance in trial.disturbances:
             if is_fault(disturbance):
@@ -132,7 +132,7 @@ def _manifest(experiment: Experiment, source: Path, options: Options) -> dict[st
 
 
 class _Runner:
-    """Runs the trials, `jobs` at a time, each in a slot of its own, which decides on which cores."""
+    """Runs the trials, `jobs` at a time, each in its own slot, which decides its cores."""
 
     def __init__(
         self, run: Path, options: Options, listener: Listener, expect: Sequence[Mapping[str, Any]], live: Live
@@ -155,7 +155,7 @@ class _Runner:
             try:
                 return [outcome for outcome in pool.map(self._one, trials) if outcome is not None]
             finally:
-                # Before the threads that started them end: a worker would take that for the end of this process.
+                # Before the threads that started them end, which a worker would take for the end of this process.
                 for worker in self._workers:
                     worker.close()
 
@@ -180,7 +180,7 @@ class _Runner:
         return outcome
 
     def _run_trial(self, trial: Trial, slot: int) -> Outcome:
-        """Run one trial; if anything goes wrong, that is its outcome, and the other trials go on."""
+        """Run one trial; an error becomes its outcome, and the other trials continue."""
         report = partial(self._listener.progressed, trial)
         try:
             if not self._options.in_process:
@@ -189,9 +189,9 @@ class _Runner:
                 return self._workers[slot].do(trial, report, self._options.stop.is_set)
             with unless_hung(self._options.stop):
                 return run_in_process(self._run, trial, report, self._options.stop.is_set)
-        except Stopped as stop:  # outside its ticks, where the trial does not turn it into its outcome
+        except Stopped as stop:  # outside the ticks, where the trial does not turn it into an outcome
             return Outcome.of(trial, "aborted", str(stop), 0, 0.0, {})
-        except (Exception, SystemExit) as error:  # a law that ends the program ends its own trial only
+        except (Exception, SystemExit) as error:  # a law that exits the program ends only its own trial
             log = trial_directory(self._run, trial.id) / "logs" / "supervisor.log"
             write_text(log, "".join(traceback.format_exception(error)))
             return Outcome.of(trial, "failed", f"{describe_error(error)} (see {log})", 0, 0.0, {})

@@ -22,7 +22,7 @@ SENDS = {"driver": "state", "controller": "command"}
 
 
 class Injector:
-    """Injects the faults of one process of the loop. A trial without faults has no injector, and no cost."""
+    """Injects the faults of one process of the loop. A trial without faults has no injector and no overhead."""
 
     def __init__(self, role: Literal["driver", "controller"], faults: Faults) -> None:
         self._role, self._channel = role, SENDS[role]
@@ -36,7 +36,7 @@ class Injector:
 
     @classmethod
     def of(cls, trial: Trial, role: Literal["driver", "controller"]) -> Injector | None:
-        """Return the injector for one process of a trial, None if no fault is to be injected there."""
+        """Return the injector for one process of a trial, or None if it has no faults to inject."""
         if not any(map(is_fault, trial.disturbances)):
             return None
         injector = cls(role, disturbance_schedule(trial).faults)
@@ -48,19 +48,19 @@ class Injector:
         return sum(map(len, (self._stalls, self._stops, self._busy, self._delays, self._losses)))
 
     def stall(self, tick: int) -> None:
-        """Stall, by sleeping or by SIGSTOP, if that is due at `tick`."""
+        """Stall, by sleeping or by SIGSTOP, if a stall is due at `tick`."""
         if tick in self._stalls:
             self._do(tick, f"{self._role}_stall", _sleep, self._stalls[tick])
         if tick in self._stops and self._stopper is not None:
             self._do(tick, f"{self._role}_stop", self._stopper.stop, self._stops[tick])
 
     def compute(self, tick: int) -> None:
-        """Keep the processor busy if the controller is to take longer at `tick`."""
+        """Keep the processor busy if the controller must take longer at `tick`."""
         if tick in self._busy:
             self._do(tick, f"{self._role}_busy", _compute, self._busy[tick])
 
     def outbox(self, outbox: Outbox) -> Outbox:
-        """Return an outbox on the same key that delays and loses the messages that the faults name."""
+        """Return an outbox on the same key that delays and loses the messages specified by the faults."""
         if not self._delays and not self._losses:
             return outbox
         return FaultyOutbox(
@@ -82,7 +82,7 @@ class Injector:
 
 
 def _by_tick(values: Array) -> dict[int, int]:
-    """Return tick -> duration, ns, for the `values` (N,), s, that are not zero."""
+    """Return tick -> duration, ns, for the nonzero `values` (N,), s."""
     return {int(tick): round(float(values[tick]) * 1e9) for tick in np.flatnonzero(values)}
 
 

@@ -1,4 +1,4 @@
-"""A sender that delays and loses messages, as the faults of a trial ask."""
+"""A sender that delays and loses messages as specified by the faults of a trial."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ Note = Callable[[int, str, int, int], None]
 
 
 class FaultyOutbox(Outbox):
-    """Sends on the key of another outbox. `delays` (tick -> ns) and `losses` (tick -> any) name the messages concerned.
+    """Sends on the key of another outbox. `delays` (tick -> ns) and `losses` (tick -> any) give the messages concerned.
 
-    `put` returns at once. A thread sends the delayed messages, in order: a message that is put while another is delayed
-    waits behind it, as on a link that stalls.
+    `put` returns at once. A thread sends the delayed messages, in order: a message put while another is delayed waits
+    behind it, as on a stalled link.
     """
 
     def __init__(self, outbox: Outbox, delays: Mapping[int, int], losses: Mapping[int, int], note: Note) -> None:
         self._outbox, self._delays, self._losses, self._note = outbox, delays, losses, note
         self._held: SimpleQueue[tuple[int, int, int, bytes] | None] = SimpleQueue()
-        # Each is written by one thread only. When they are equal no message is held.
+        # Each is written by one thread only. If they are equal, no message is held.
         self._taken, self._sent = 0, 0
         self.put = self._put
         self._thread = Thread(target=self._send_held, name="held messages", daemon=True)

@@ -1,4 +1,4 @@
-"""Ends a trial in this very process whose law hangs, so that one SIGTERM or Ctrl-C is enough to end the run."""
+"""Ends a trial in this process if its law hangs, so that one SIGTERM or Ctrl-C is enough to end the run."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from hilrig.core.errors import Stopped
 from hilrig.rig.processes import TERM_TIMEOUT_S
 
 LOOK_S = 0.5
-"""Time between two looks at whether the run is to end"""
+"""Time between two checks of whether the run must end"""
 
 
 @contextmanager
 def unless_hung(stop: threading.Event, timeout_s: float = TERM_TIMEOUT_S) -> Iterator[None]:
     """Raise Stopped in the body if it is still running `timeout_s` after `stop` was set.
 
-    The body heeds `stop` itself between two ticks; only one that hangs within a tick is interrupted. Code that is
-    compiled cannot be. Does nothing outside the main thread, which alone can take a signal.
+    The body checks `stop` itself between ticks; it is interrupted only if it hangs within a tick. Compiled code cannot
+    be interrupted. Does nothing outside the main thread, because only the main thread handles signals.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

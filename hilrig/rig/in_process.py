@@ -1,4 +1,4 @@
-"""A trial without the bus: both nodes and the recorder in one process. The same ticks, the same bits."""
+"""A trial without the bus: both nodes and the recorder in one process. Same ticks, same bits."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from hilrig.rig.rows import FEWEST, HeardCommand, HeardState, controller_rows, d
 from hilrig.rig.warm_up import warm_up_controller, warm_up_driver
 
 BLOCK = 1024
-"""Ticks of a whole trial between two looks at the clock and for Ctrl-C"""
+"""Ticks of a compiled trial between two checks of the clock and for Ctrl-C"""
 ROWS = 128
-"""Ticks that are recorded at a time where each is done by itself"""
+"""Ticks that are recorded together when the trial runs tick by tick"""
 DRIVER, CONTROLLER = ("state", "truth"), ("command", "internals")
 """The channels of a block, by the node that writes them"""
 
 
 class Caller:
-    """Who asked for the trial: hears of its progress, and may want an end."""
+    """The caller of the trial: receives its progress and may request its end."""
 
     def __init__(self, report: Callable[[int], None], stop: Callable[[], bool]) -> None:
         self._report, self._stop = report, stop
@@ -51,7 +51,7 @@ class Caller:
 
 
 class DirectWire:
-    """Hands each measurement to the controller by a call, and records what passes."""
+    """Passes each measurement to the controller by a function call, and records the messages."""
 
     def __init__(self, driver: DriverNode, codecs: Mapping[str, Codec], recorder: Recorder, caller: Caller) -> None:
         trial = driver.trial
@@ -71,7 +71,7 @@ class DirectWire:
         self._stamps: dict[str, list[tuple[float, ...]]] = {name: [] for name in TIMING}
 
     def wait(self, tick: int) -> None:
-        """Wait for the tick's due time. Raises Stopped when told to."""
+        """Wait for the tick's due time. Raises Stopped if told to end."""
         self._due = self._pacer.wait(tick)
         self._woke = time.monotonic_ns()
         self._caller.look(tick, self._woke)
@@ -96,7 +96,7 @@ class DirectWire:
             self._note(tick)
 
     def take_command(self, tick: int, wanted: int) -> None:
-        """Put the command of tick `wanted` into effect: in one process it is never older."""
+        """Put the command of tick `wanted` into effect; in one process it is never late."""
         if wanted in self._commands:
             message, self._computed = self._commands.pop(wanted)
             self._acting = wanted
@@ -106,7 +106,7 @@ class DirectWire:
             self._note(tick)
 
     def _note(self, tick: int) -> None:
-        """Note when things happened at this tick; record when the batches are full."""
+        """Write the time stamps of this tick; record when the batches are full."""
         self._stamps["driver_timing"].append((
             tick, tick * self._period, self._due, self._woke, self._published, self._acting, self._computed,
             self._applied, 0,
@@ -120,7 +120,7 @@ class DirectWire:
             self._record.written[name] = len(stamps)
             stamps.clear()
         for name, payloads in self._record.hand_over():
-            self._recorder.store(name, payloads.copy())  # the next ticks take their place
+            self._recorder.store(name, payloads.copy())  # the next ticks overwrite them
         self._recorder.write()
 
     def end(self) -> None:
@@ -131,19 +131,19 @@ class DirectWire:
 
 
 class BlockRecorder:
-    """Records blocks of ticks. No tick of a block has a time of its own, so there are no stamps."""
+    """Records blocks of ticks. The ticks of a block are not timed individually, so there are no stamps."""
 
     def __init__(self, codecs: Mapping[str, Codec], recorder: Recorder) -> None:
         self._codecs, self._recorder = codecs, recorder
         self._counts = dict.fromkeys(NAMES, 0)
 
     def room(self, ticks: int) -> tuple[dict[str, RecordBatch], TrialRows]:
-        """Return batches for so many ticks, and their rows."""
+        """Return batches for this many ticks, and their rows."""
         batches = {name: RecordBatch(self._codecs[name], max(ticks, FEWEST)) for name in DRIVER + CONTROLLER}
         return batches, TrialRows(driver_rows(batches), controller_rows(batches))
 
     def store(self, batches: Mapping[str, RecordBatch], rows: TrialRows) -> None:
-        """Record what is written in a block."""
+        """Record the rows written in a block."""
         for names, written in ((DRIVER, rows.driver.written[0]), (CONTROLLER, rows.controller.written[0])):
             for name in names:
                 self._recorder.store(name, batches[name].payloads[:written])
@@ -151,7 +151,7 @@ class BlockRecorder:
         self._recorder.write()
 
     def end(self) -> None:
-        """Tell how many messages there were."""
+        """Report how many messages there were."""
         for name, count in self._counts.items():
             self._recorder.sent(name, count)
 
@@ -162,9 +162,9 @@ def run_in_process(
     report: Callable[[int], None] = lambda tick: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> Outcome:
-    """Run one trial in this process and return its outcome; `report` hears of progress, `stop` is asked.
+    """Run one trial in this process and return its outcome; `report` receives progress, `stop` is polled.
 
-    In blocks if the trial is in lockstep and its plant offers kernels, else tick by tick.
+    It runs in blocks if it is in lockstep and its plant offers kernels, otherwise tick by tick.
     """
     directory, caller = trial_directory(run, trial.id), Caller(report, stop)
     if trial.clock == "realtime":
@@ -203,7 +203,7 @@ def _in_blocks(directory: Path, driver: DriverNode, caller: Caller) -> Outcome:
     with Recorder(directory, trial.period, definitions(memory)) as recorder:
         blocks = BlockRecorder(layouts(trial.driver.robot.joints, len(trial.axes), memory), recorder)
         if refused is None:
-            whole.do(0, blocks.room(0)[1])  # compiles the loop, or loads it, before time counts
+            whole.do(0, blocks.room(0)[1])  # compiles or loads the loop before timing starts
         began, loop_s = time.monotonic(), 0.0
         try:
             ending, loop_s = (refused, 0.0) if refused else _do_blocks(whole, blocks, caller, trial)
@@ -213,10 +213,10 @@ def _in_blocks(directory: Path, driver: DriverNode, caller: Caller) -> Outcome:
 
 
 def _do_blocks(whole: WholeTrial, blocks: BlockRecorder, caller: Caller, trial: Trial) -> tuple[Ending, float]:
-    """Do all ticks; return how they ended, and the time spent in them without recording, s.
+    """Run all ticks; return how they ended, and the time spent in them without recording, s.
 
-    While a block is computed, a thread records the one before it; unless the law is in Python, which would have to wait
-    for that thread at every turn.
+    While a block is computed, a thread records the previous one, except if the law is in Python, which would keep
+    waiting for that thread.
     """
     ending, loop_s, recorded = None, 0.0, None
     with ThreadPoolExecutor(1) as thread:
@@ -241,7 +241,7 @@ def _do_blocks(whole: WholeTrial, blocks: BlockRecorder, caller: Caller, trial: 
 
 
 def _wait_for(recorded: Future[None] | None) -> None:
-    """Wait until a block is recorded. Raises what went wrong with it."""
+    """Wait until a block is recorded. Raises the error that recording it raised."""
     if recorded is not None:
         recorded.result()
 

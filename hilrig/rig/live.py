@@ -1,7 +1,7 @@
 """live.json in a run directory: which trials are running, for `hilrig watch`.
 
-The file exists while the program that runs the trials does. A program that was killed leaves it behind, and its
-process id in the file shows that.
+The file exists as long as the program that runs the trials. If that program is killed, the file stays, and the process
+id in it shows that the program is gone.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class LiveRun:
     pid: int
     """Process id of the program that runs the trials"""
     born: int
-    """When that process was started, in clock ticks since boot: the kernel may reuse a process id"""
+    """Start time of that process, in clock ticks since boot: the kernel may reuse a process id"""
     transport: str
     trials: tuple[LiveTrial, ...] = ()
     """The running trials, in the order in which they were started"""
@@ -52,11 +52,11 @@ class LiveRun:
 
 
 def read_live(run: Path) -> LiveRun | None:
-    """Return the content of a run's live.json; None if there is none: the run has ended, or has never started."""
+    """Return the content of a run's live.json; None if the file does not exist: the run has ended or never started."""
     try:
         document = read_json(run / FILE)
     except RunDirectoryError:
-        # It is missing or no JSON; hilrig itself writes it whole or not at all.
+        # It is missing or not JSON; hilrig itself never writes a partial file.
         return None
     trials = tuple(LiveTrial(id, item["endpoint"], tuple(item["cores"])) for id, item in document["trials"].items())
     return LiveRun(document["pid"], document["born"], document["transport"], trials)

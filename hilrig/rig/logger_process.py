@@ -1,4 +1,4 @@
-"""The logger's process: records what is sent on the bus, outside the control loop."""
+"""The logger process: records what is sent on the bus, outside the control loop."""
 
 from __future__ import annotations
 

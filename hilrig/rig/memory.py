@@ -1,4 +1,4 @@
-"""Keeps page faults out of the loop: locks the memory, and makes the heap before the loop starts."""
+"""Keeps page faults out of the loop: locks the memory and allocates the heap before the loop starts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MAP_NORESERVE = 0x4000
 M_TRIM_THRESHOLD, M_MMAP_MAX = -1, -4
 NEVER = 2**31 - 1
 HEAP = 32 << 20
-"""Bytes of heap made beforehand; the loop allocates and frees a few kilobytes a tick"""
+"""Bytes of heap allocated beforehand; the loop allocates and frees a few kilobytes per tick"""
 _libc = ctypes.CDLL(None, use_errno=True)
 _libc.malloc.restype = ctypes.c_void_p
 _libc.malloc.argtypes = [ctypes.c_size_t]
@@ -24,9 +24,10 @@ _libc.mlock2.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
 def lock() -> tuple[str, str]:
     """Lock all memory of this process, present and future; return (what was done, why not everything).
 
-    The heap is made beforehand and never given back, which needs no privilege. Locking is tried only where no limit
-    applies: under a limit, MCL_FUTURE makes a later malloc fail, and MCL_CURRENT makes the stack and the heap fail to
-    grow. The stack needs nothing: imports and compilation went deeper than the loop will, and it never shrinks.
+    The heap is allocated beforehand and never given back, which needs no privilege. Locking is tried only if no limit
+    applies: under a limit, MCL_FUTURE makes a later malloc fail, and MCL_CURRENT stops the stack and the heap from
+    growing. The stack needs no preparation: imports and compilation went deeper than the loop will, and it never
+    shrinks.
     """
     _make_heap()
     if limit_binds():
@@ -40,7 +41,7 @@ def lock() -> tuple[str, str]:
 def limit_binds() -> bool:
     """Return whether RLIMIT_MEMLOCK applies to this process, by trying to lock one page more than it allows.
 
-    Capabilities do not tell: root in a user namespace has CAP_IPC_LOCK, and the limit still applies. With
+    Capabilities do not show this: root in a user namespace has CAP_IPC_LOCK, and the limit still applies. With
     MLOCK_ONFAULT no page is touched.
     """
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
@@ -59,7 +60,7 @@ def limit_binds() -> bool:
 
 
 def _make_heap() -> None:
-    """Grow the heap, and make malloc keep it: it maps no block separately and gives nothing back."""
+    """Grow the heap and make malloc keep it: it maps no blocks separately and returns nothing to the system."""
     _libc.mallopt(M_MMAP_MAX, 0)
     _libc.mallopt(M_TRIM_THRESHOLD, NEVER)
     block = _libc.malloc(HEAP)

@@ -1,4 +1,4 @@
-"""How a trial ended, as data."""
+"""The outcome of a trial as data."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Outcome:
         channels: Mapping[str, Mapping[str, Any]],
         loop: float | None = None,
     ) -> Outcome:
-        """Return the outcome; a trial that ran to its end but has messages unaccounted for has failed."""
+        """Return the outcome; a trial that ran to its end but lacks messages has failed."""
         if outcome == "completed" and (trouble := unexplained(channels)):
             outcome, reason = "failed", trouble
         speed = ticks * trial.period / wall if wall > 0 else 0.0
@@ -60,7 +60,7 @@ class Outcome:
 
 
 def unexplained(channels: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return in words what the record lacks; empty if every message that was sent was stored."""
+    """Return in words what is missing from the record; empty if every message that was sent was stored."""
     if not channels:
         return "the logger did not report what it stored"
     missing = [

@@ -1,7 +1,7 @@
-"""Child processes, seen from their parent: how they are started, watched and ended, and what they said last.
+"""Child processes as the parent handles them: how they are started, watched and ended, and the last line of their logs.
 
-Every wait has a limit. A process is ended in steps: it is asked in its own way (an order on the bus, a message on its
-line), then by SIGTERM, then by SIGKILL.
+Every wait has a limit. A process is ended in steps: by its own channel (an order on the bus, a message on its line),
+then by SIGTERM, then by SIGKILL.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ CHILD_ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"),
     "ZENOH_RUNTIME": f"({', '.join(f'{pool}: (worker_threads: 1)' for pool in ('rx', 'tx', 'app', 'acc', 'net'))})",
 }
-"""Environment of the children: a process with a 1 ms loop wants no thread pools beside it"""
+"""Environment of the children: no thread pools beside a 1 ms loop"""
 READY_TIMEOUT_S = float(os.environ.get("HILRIG_READY_TIMEOUT", "180"))
 """How long a process may take to get ready; the first trial on a machine compiles its kernels"""
 SILENCE_TIMEOUT_S = float(os.environ.get("HILRIG_SILENCE_TIMEOUT", "15"))
-"""How long a trial may make no progress before it counts as hung"""
+"""How long a trial may go without progress before it counts as hung"""
 TERM_TIMEOUT_S = 5.0
 """How long a process that was told to end may take before the next step"""
 KILL_TIMEOUT_S = 5.0
-"""How long to wait for a process after SIGKILL; one that the kernel holds longer is left to it"""
+"""How long to wait for a process after SIGKILL; after that it is left to the kernel"""
 LOOK_S = 0.005
-"""Time between two looks at a child"""
+"""Time between two checks of a child"""
 LONGEST_LOOK_S = 1.0
-"""A longer time between two looks means that this process was suspended itself"""
+"""A longer time between two checks means that this process itself was suspended"""
 LAST_BYTES = 65_536
 """How much of the end of a log is searched for the last line"""
 
@@ -41,21 +41,21 @@ def log_of(directory: Path, role: str) -> Path:
 
 
 def pause() -> bool:
-    """Wait until the next look at a child is due; return False: nothing has happened that would end a wait."""
+    """Wait until the next check of a child is due; return False: nothing has happened that would end a wait."""
     time.sleep(LOOK_S)
     return False
 
 
 class ChildProcess:
-    """A child process. `name` is what messages call it: "the driver process"."""
+    """A child process. `name` is its name in messages: "the driver process"."""
 
     def __init__(self, name: str, process: subprocess.Popen[bytes]) -> None:
         self.name, self._process = name, process
 
     @classmethod
     def start(cls, name: str, module: str, orders: str, log: Path, pass_fds: Sequence[int] = ()) -> ChildProcess:
-        """Start a module of hilrig with `orders` as its argument; everything that it prints goes to `log`."""
-        # -P: a folder in the working directory must not shadow a package. Own session: Ctrl-C is the parent's affair.
+        """Start a hilrig module with `orders` as its argument; everything that it prints goes to `log`."""
+        # -P: a folder in the working directory must not shadow a package. Own session: the parent handles Ctrl-C.
         command = [sys.executable, "-P", "-m", module, orders]
         with log.open("wb") as file:
             process = subprocess.Popen(
@@ -71,13 +71,13 @@ class ChildProcess:
 
     @property
     def failed(self) -> bool:
-        """Whether the process has ended, and not with exit code 0"""
+        """Whether the process has ended with an exit code other than 0"""
         return bool(self.exit_code)
 
     def wait(self, timeout_s: float, enough: Callable[[], bool] = pause) -> bool:
         """Wait for the process to end; return False if it still runs after `timeout_s`.
 
-        `enough` is called between looks at the process. It does what there is to do meanwhile (by default nothing, for
+        `enough` is called between checks of the process. It does any work due meanwhile (by default it waits for
         `LOOK_S`), and ends the wait by returning True.
         """
         deadline = time.monotonic() + timeout_s
@@ -87,19 +87,19 @@ class ChildProcess:
         return True
 
     def terminate(self) -> None:
-        """Send SIGTERM, if the process still runs."""
+        """Send SIGTERM if the process is still running."""
         self._process.terminate()
 
     def kill(self, timeout_s: float = KILL_TIMEOUT_S) -> None:
-        """Send SIGKILL, if the process still runs, and wait for its end."""
+        """Send SIGKILL if the process is still running, and wait for its end."""
         self._process.kill()
         self.wait(timeout_s)
 
     def end(self, timeout_s: float, term_timeout_s: float = TERM_TIMEOUT_S, enough: Callable[[], bool] = pause) -> None:
-        """See the process out: wait `timeout_s`, send SIGTERM, wait `term_timeout_s`, send SIGKILL.
+        """End the process: wait `timeout_s`, send SIGTERM, wait `term_timeout_s`, send SIGKILL.
 
-        Whoever wants it to end before `timeout_s` tells it so in its own way first. `enough` is as in `wait`: once it
-        returns True no further step is taken.
+        A caller that wants it to end before `timeout_s` must tell the process first. `enough` is as in `wait`: once it
+        returns True, no further step is taken.
         """
         if self.wait(timeout_s, enough):
             return
@@ -121,7 +121,7 @@ class ChildProcess:
 
 
 def kill_all(children: Iterable[ChildProcess]) -> None:
-    """Kill the children. All get SIGKILL before any is waited for: one may hold the core on which another is to die."""
+    """Kill the children. All get SIGKILL before any is waited for: one may hold the core that another needs to exit."""
     children = tuple(children)
     for child in children:
         child.kill(timeout_s=0.0)
@@ -150,8 +150,8 @@ def _last_line(log: Path) -> str:
 class Stopwatch:
     """Measures how long a child has been silent, in the parent's own running time.
 
-    A parent that is suspended (Ctrl-Z) hears nothing meanwhile, and its children are not to blame: of the time between
-    two looks at the watch at most `LONGEST_LOOK_S` counts.
+    A suspended parent (Ctrl-Z) receives nothing meanwhile, and its children are not to blame: at most `LONGEST_LOOK_S`
+    of the time between two checks counts.
     """
 
     def __init__(self) -> None:
@@ -162,7 +162,7 @@ class Stopwatch:
         self._elapsed_s, self._looked = 0.0, time.monotonic()
 
     def look(self) -> float:
-        """Return the time since the last restart, s. To be called more often than every `LONGEST_LOOK_S`."""
+        """Return the time since the last restart, s. Must be called more often than every `LONGEST_LOOK_S`."""
         now = time.monotonic()
         self._elapsed_s += min(now - self._looked, LONGEST_LOOK_S)
         self._looked = now

@@ -1,4 +1,4 @@
-"""Notes when a process resumes after it was stopped (SIGSTOP, Ctrl-Z), which leaves no other trace in it."""
+"""Notes when a process resumes after a stop (SIGSTOP, Ctrl-Z), which leaves no other trace in the process."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from threading import Thread
 
 
 class ResumeMonitor:
-    """Notes when this process resumes. Make it before any other thread: threads inherit which signals are blocked.
+    """Notes when this process resumes. Create it before any other thread: threads inherit the mask of blocked signals.
 
-    A thread waits for SIGCONT and gets it at once. A signal handler would run only when the main thread next comes by.
+    A thread waits for SIGCONT and gets it at once. A signal handler would run only when the main thread next executes
+    Python code.
     """
 
     def __init__(self) -> None:
@@ -19,7 +20,7 @@ class ResumeMonitor:
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGCONT})
 
     def listen(self) -> None:
-        """Start listening. Call it when the process has its scheduling, which the thread inherits."""
+        """Start listening. Call it after the scheduling of the process is set, because the thread inherits it."""
         Thread(target=self._listen, name="resume_monitor", daemon=True).start()
 
     def _listen(self) -> None:

@@ -1,4 +1,4 @@
-"""The rows of the loop as views of record batches: what a tick writes is a message that is ready to be sent."""
+"""The rows of the loop as views of record batches: a tick writes directly into a message that is ready to be sent."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hilrig.recording.messages.codec import Codec
 from hilrig.recording.messages.record_batch import RecordBatch
 
 FEWEST = 2
-"""Rows of a batch: an array with one row is of another type to numba, and another kernel"""
+"""Minimum rows of a batch: numba gives an array with one row another type, and would compile another kernel"""
 
 
 def driver_rows(batches: Mapping[str, RecordBatch]) -> DriverRows:
@@ -37,7 +37,7 @@ class HeardState:
         self.rows = StateRows(*self._batch.fields)
 
     def read(self, message: bytes) -> None:
-        """Take in a message. Raises ValueError if it has another length."""
+        """Copy a message into the row. Raises ValueError if it has another length."""
         self._batch.read(0, message)
 
 
@@ -50,5 +50,5 @@ class HeardCommand:
         self.acting = Command(rows.torque[0], rows.position[0])
 
     def read(self, message: bytes) -> None:
-        """Take in a message. Raises ValueError if it has another length."""
+        """Copy a message into the row. Raises ValueError if it has another length."""
         self._batch.read(0, message)

@@ -1,4 +1,4 @@
-"""The real-time set-up of a process: every setting that is permitted, and a report on those that were refused.
+"""The real-time set-up of a process: applies every setting that is permitted, and reports those that were refused.
 
 It has two steps. `prepare` runs before the process has threads, because threads inherit its cores, its scheduling and
 its timer slack. `settle` runs when everything that the loop needs exists, just before the trial starts.
@@ -16,11 +16,11 @@ from hilrig.rig.cores import pin
 from hilrig.rig.scheduling import schedule, set_timer_slack
 
 LOOP = ("driver", "controller")
-"""The roles of the control loop, which wait for each other at every tick"""
+"""Roles in the control loop, which wait for each other at every tick"""
 DMA_LATENCY = "/dev/cpu_dma_latency"
 
 Report = dict[str, dict[str, str]]
-"""Setting -> {"wanted", "applied", "reason"}, in words; the reason is empty where the setting was applied as wanted"""
+"""Setting -> {"wanted", "applied", "reason"}, in words; the reason is empty if the setting was applied as wanted"""
 
 
 def prepare(settings: RigSettings, role: str, cores: Iterable[int], realtime: bool) -> Report:
@@ -37,10 +37,10 @@ def prepare(settings: RigSettings, role: str, cores: Iterable[int], realtime: bo
     if not realtime:
         report["scheduler"] = _account("batch", *schedule("batch", 0))
     elif role in LOOP:
-        # The driver keeps the clock, so it comes first: a controller that computes too long must not delay it.
+        # The driver keeps the clock, so it has priority: a controller that computes too long must not delay it.
         priority = settings.priority + (role == "driver")
         wanted = f"fifo {priority}" if settings.scheduler == "fifo" else settings.scheduler
-        # The slack is set first: under SCHED_FIFO the kernel drops it.
+        # Set the slack first: under SCHED_FIFO the kernel ignores it.
         report["timer_slack"] = _account(f"{settings.timer_slack * 1e9:.0f} ns", *set_timer_slack(settings.timer_slack))
         report["scheduler"] = _account(wanted, *schedule(settings.scheduler, priority))
     if realtime and role == "driver":
@@ -49,7 +49,7 @@ def prepare(settings: RigSettings, role: str, cores: Iterable[int], realtime: bo
 
 
 def settle(settings: RigSettings, role: str, realtime: bool) -> Report:
-    """Lock this process's memory and switch its garbage collector off; everything that the loop needs exists by now.
+    """Lock this process's memory and switch off its garbage collector; everything that the loop needs exists by now.
 
     The collector is off in lockstep and in the logger too: a collection takes 50 ms, and the loop may wait for it.
     """
@@ -84,7 +84,7 @@ def _account(wanted: str, applied: str, reason: str) -> dict[str, str]:
 
 
 def as_wanted(applied: str) -> dict[str, str]:
-    """Return the account of a setting that was applied as wanted."""
+    """Return the report on a setting that was applied as wanted."""
     return _account(applied, applied, "")
 
 

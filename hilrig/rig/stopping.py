@@ -11,7 +11,7 @@ import time
 from hilrig.core.errors import RigError
 
 RETRIES_NS = (0, 10_000_000, 100_000_000, 1_000_000_000)
-"""When SIGCONT is sent, after the time to resume, ns: a process that is delayed before it stops misses the first one"""
+"""Times of SIGCONT after the resume time, ns: a process that is delayed before it stops misses the first one"""
 _SECOND = 1_000_000_000
 _SIGEV_SIGNAL = 0
 _libc = ctypes.CDLL(None, use_errno=True)
@@ -34,8 +34,8 @@ class _TimerSpec(ctypes.Structure):
 class Stopper:
     """Stops this process with all its threads (SIGSTOP) for a given time.
 
-    No other process is needed to resume it: POSIX timers of the process itself send SIGCONT, and they run on while it
-    is stopped. The process's handler for SIGCONT runs, if it has one. Raises RigError where there are no such timers.
+    No other process is needed to resume it: its own POSIX timers send SIGCONT, and they keep running while it is
+    stopped. The process's handler for SIGCONT runs, if it has one. Raises RigError if such timers are not available.
     """
 
     def __init__(self) -> None:
@@ -47,7 +47,7 @@ class Stopper:
         for timer, extra in zip(self._timers, RETRIES_NS, strict=True):
             _set(timer, duration_ns + extra)
         try:
-            # To this thread: if another one took the signal, it might stop the process after the timers are off.
+            # To this thread: if another thread received the signal, it might stop the process after the timers are off.
             signal.pthread_kill(threading.get_ident(), signal.SIGSTOP)
         finally:
             for timer in self._timers:

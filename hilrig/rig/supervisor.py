@@ -1,4 +1,4 @@
-"""Starts the processes of one trial, watches them, and makes sure that none is left."""
+"""Starts the processes of one trial, watches them, and makes sure that none remains."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ from hilrig.rig.socket_folder import make_socket_folder
 
 ROLES = ("driver", "controller", "logger")
 LAST_WORDS_TIMEOUT_S = 0.5
-"""How long the last message of a process that has ended may be on its way"""
+"""How long the last message of an ended process may take to arrive"""
 STOP_TIMEOUT_S = 1.0
-"""How long a process may take to end by itself when a trial is cut short; then it gets SIGTERM"""
+"""How long a process may take to end by itself when a trial is cut short, before it gets SIGTERM"""
 WRITE_TIMEOUT_S = 60.0
-"""How long the logger may take to write what it has"""
+"""How long the logger may take to write its remaining messages"""
 TOKENS_S = 1.0
-"""Time between two looks at the liveliness tokens"""
+"""Time between two checks of the liveliness tokens"""
 
 
 def run_on_bus(
@@ -53,8 +53,8 @@ def run_on_bus(
 ) -> Outcome:
     """Run one trial in three fresh processes over the bus and return its outcome.
 
-    `report` is called with the tick that the trial has reached, `stop` is asked whether the trial is to be aborted,
-    `slot` decides which cores the processes get, and `live` is told where the trial can be watched.
+    `report` is called with the tick that the trial has reached, `stop` is polled for an abort, `slot` decides which
+    cores the processes get, and `live` receives the endpoint where the trial can be watched.
     """
     with Rig(run, trial, slot, live) as rig:
         return Supervision(rig, report, stop).outcome()
@@ -109,7 +109,7 @@ class Rig:
         self._orders.put(json.dumps({"order": order, **details}).encode())
 
     def how_it_ended(self, role: str) -> str:
-        """Return one line on how a process ended that did not say so itself."""
+        """Return one line on how a process ended that did not report its end."""
         log = log_of(self.directory, role)
         return f"{self.children[role].how_it_ended(log)} (see {log})"
 
@@ -119,7 +119,7 @@ class Rig:
         self._clean_up()
 
     def _clean_up(self) -> None:
-        # In reverse order, and each step is taken even if one before it fails.
+        # In reverse order; each step is taken even if an earlier one fails.
         with ExitStack() as steps:
             if self._live:
                 steps.callback(self._live.end, self.trial.id)
@@ -181,12 +181,12 @@ class Supervision:
             self._check_tokens()
 
     def _look(self) -> None:
-        """Hear what the children said, check that they are alive, and check whether the trial is to be aborted."""
+        """Handle the children's messages, check that they are alive, and check whether to abort the trial."""
         self._hear()
         now = time.monotonic()
         for role, child in self._rig.children.items():
             gone = child.exit_code is not None and role not in self._done
-            # Its last message may still be on its way.
+            # Its last message may still be in transit.
             if gone and now - self._exits.setdefault(role, now) > LAST_WORDS_TIMEOUT_S:
                 self._lost(role)
         if self._stop():
@@ -194,7 +194,7 @@ class Supervision:
         pause()
 
     def _hear(self) -> None:
-        """Take in what the children said."""
+        """Handle the children's messages."""
         while (item := self._rig.statuses.poll()) is not None:
             self._take(json.loads(item))
 
@@ -210,36 +210,36 @@ class Supervision:
             self._done[role] = status
             if role == "driver":
                 self._ticks = status["ticks"]
-                # A driver that stopped because its controller ended is not the cause.
+                # If the driver stopped because its controller ended, the driver is not the cause.
                 if status["outcome"] == "tripped":
                     self._conclude("tripped", status["reason"])
         else:
             self._conclude("tripped" if event == "tripped" else "failed", f"{role}: {status['reason']}")
 
     def _lost(self, role: str) -> None:
-        """Note that a process ended without a word."""
+        """Note that a process ended without reporting it."""
         self._done[role] = {}
         self._conclude("failed", self._rig.how_it_ended(role))
 
     def _check_tokens(self) -> None:
-        """Check the liveliness tokens: across hosts there is no exit code that tells that a process is gone."""
+        """Check the liveliness tokens: across hosts no exit code shows that a process is gone."""
         now = time.monotonic()
         if now < self._next_look_for_tokens or self._verdict:
             return
         self._next_look_for_tokens = now + TOKENS_S
         missing = {role for role in ROLES if role not in self._rig.bus.alive() | self._done.keys() | self._exits.keys()}
-        # Twice in a row: on a busy machine a token may show late.
+        # Twice in a row: on a busy machine a token may appear late.
         gone, self._missing = missing & self._missing, missing
         if gone:
             self._conclude("failed", f"{', '.join(sorted(gone))} vanished from the bus")
 
     def _conclude(self, outcome: str, reason: str) -> None:
-        """Take this as the verdict unless there is one: what comes after the first is its consequence."""
+        """Set the verdict unless there is one already: later problems are consequences of the first."""
         if self._verdict is None:
             self._verdict = (outcome, reason)
 
     def _bring_down(self) -> dict[str, Any]:
-        """End the children in order, the logger last, and return the logger's account of what it stored."""
+        """End the children in order, the logger last, and return the logger's report of what it stored."""
         children = self._rig.children
         if self._verdict and self._begun:
             self._rig.order("stop")
@@ -259,7 +259,7 @@ class Supervision:
         return self._done.get("logger", {}).get("channels", {})
 
     def _listen(self) -> bool:
-        """Hear what the children say while one of them is awaited; nothing they say ends the wait."""
+        """Handle the children's messages while waiting for one of them; no message ends the wait."""
         self._hear()
         return pause()
 

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hilrig.recording.messages.codec import Codec, definition
 
-if TYPE_CHECKING:  # the signals load numba, which a watcher does without
+if TYPE_CHECKING:  # importing signals loads numba, which a watcher does not need
     from hilrig.core.signals import Array
 
 CHANNEL, ASKING = "view", "watching"
-"""Keys on the bus: of the views, and of the requests for them"""
+"""Keys on the bus: for the views, and for the requests"""
 GRANT_S = 1.0
 """How long views are sent after a request"""
 INTERVAL_S = 0.05
-"""Least wall time between two views"""
+"""Minimum wall time between two views"""
 
 
 class View(NamedTuple):
-    """A view: the fields of View.msg, where they have their units; arrays (m,)."""
+    """A view: the fields of View.msg, which states their units; arrays (m,)."""
 
     tick: int
     time: float
@@ -44,5 +44,5 @@ def view_codec(axes: int) -> Codec:
 
 
 def read_view(payload: bytes, axes: int) -> View:
-    """Return the view in a message of a trial with this many task axes. Raises ValueError if it is not one."""
+    """Return the view in a message of a trial with this many task axes. Raises ValueError if it is not a view."""
     return View(*view_codec(axes).unpack(payload))

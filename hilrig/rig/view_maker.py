@@ -1,8 +1,8 @@
-"""The live view of a trial: what the logger tells whoever watches, made from the messages that it records anyway.
+"""The live view of a trial: what the logger sends to watchers, made from the messages that it records anyway.
 
-Driver and controller know nothing of it. A watcher sends requests; the logger sends views for one second after each. So
-a watcher that stands still (Ctrl-Z, a closed lid) leaves no more unread than its socket's buffer holds. More would
-block the logger, when it sends or leaves the bus, and in the end the loop.
+Driver and controller know nothing about it. A watcher sends requests; the logger sends views for one second after each.
+So a suspended watcher (Ctrl-Z, a closed lid) leaves no more unread than its socket buffer holds. More would block the
+logger when it sends or leaves the bus, and eventually the loop.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from hilrig.rig.bus import Bus
 from hilrig.rig.view import ASKING, CHANNEL, GRANT_S, INTERVAL_S, view_codec
 
 LEAST_TICKS = 2
-"""In a view: the acceleration is a difference"""
+"""Minimum in a view: the acceleration is a difference"""
 
 DRIVER_TIMING = Codec(definition("DriverTiming"), {})
 
@@ -38,7 +38,7 @@ Messages = NDArray[np.uint8]
 
 
 class ViewMaker:
-    """Makes the views of one trial; keeps messages from one view to the next, no longer."""
+    """Makes the views of one trial; keeps messages only from one view to the next."""
 
     def __init__(self, trial: Mapping[str, Any]) -> None:
         """`trial` is the trial's document in plan.json."""
@@ -53,7 +53,7 @@ class ViewMaker:
         self._late, self._timed, self._lateness_s = 0, 0, 0.0
 
     def note(self, channel: str, payloads: Messages) -> None:
-        """Take in the latest messages of a channel."""
+        """Add the latest messages of a channel."""
         self._began = self._began or time.monotonic()
         if channel == "driver_timing":
             self._note_timing(payloads)
@@ -74,7 +74,7 @@ class ViewMaker:
             self._lateness_s = max(self._lateness_s, float((timing["woke"] - timing["due"]).max()) / 1e9)
 
     def skip(self) -> None:
-        """Drop the messages that a view would be made of: nobody watches."""
+        """Drop the collected messages: nobody is watching."""
         self._kept.clear()
         self._lateness_s = 0.0
 
@@ -131,7 +131,7 @@ def _pick(table: Fields, ticks: np.ndarray) -> Fields:
 
 
 class Views:
-    """Sends the views of a trial for as long as someone asks for them, at most one every INTERVAL_S."""
+    """Sends the views of a trial as long as someone requests them, at most one every INTERVAL_S."""
 
     def __init__(self, bus: Bus, trial: Mapping[str, Any]) -> None:
         self._outbox = bus.outbox(CHANNEL, blocking=False)
@@ -140,9 +140,9 @@ class Views:
         self._next, self._until = 0.0, 0.0
 
     def note(self, fresh: Mapping[str, Messages]) -> None:
-        """Take in the messages of a packet, by channel, and send a view if one is due.
+        """Add the messages of a packet, by channel, and send a view if one is due.
 
-        An error in a view must not cost the record: it is printed, and no more views are sent.
+        An error in a view must not harm the recording: it is printed, and no more views are sent.
         """
         if self._maker is None:
             return
@@ -154,7 +154,7 @@ class Views:
                 self._send(self._maker)
         except Exception:
             traceback.print_exc()
-            print("the live view stops here; recording goes on", flush=True)
+            print("the live view stops here; recording continues", flush=True)
             self._maker = None
 
     def _send(self, maker: ViewMaker) -> None:

@@ -1,4 +1,4 @@
-"""What is loaded or compiled at its first use is used once beside the trial, before time counts."""
+"""Warm-up: everything that is loaded or compiled at first use is used once outside the trial, before timing starts."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from hilrig.recording.messages.record_batch import RecordBatch
 from hilrig.rig.rows import FEWEST, HeardCommand, HeardState, controller_rows, driver_rows
 
 TICKS = 2
-"""At the first one a node starts plant or law"""
+"""At the first tick a node starts plant or law"""
 
 
 def warm_up_driver(trial: Trial) -> None:
-    """Do the first ticks of the driver node."""
+    """Run the first ticks of the driver node."""
     codecs = layouts(trial.driver.robot.joints, len(trial.axes), {})
     node = DriverNode(trial)
     try:
@@ -35,7 +35,7 @@ def warm_up_driver(trial: Trial) -> None:
 
 
 def warm_up_controller(trial: Trial) -> dict[str, int]:
-    """Do the first ticks of the controller node; return the length of every field of the law's memory.
+    """Run the first ticks of the controller node; return the length of every field of the law's memory.
 
     Raises PluginError if the law's memory cannot be recorded.
     """

@@ -1,4 +1,4 @@
-"""Runs trials without the bus in a process beside this one, so that several run at a time, and watches it."""
+"""Runs trials without the bus in a separate process, so that several can run in parallel, and watches that process."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from hilrig.rig.processes import (
 
 ROLE = "worker"
 LISTEN_S = 0.05
-"""How long to listen to the worker between two looks at whether it is alive and whether its trial is to be aborted"""
+"""How long to listen to the worker between two checks of whether it is alive and whether its trial must be aborted"""
 
 
 class Worker:
-    """A process that runs one trial after the other, as `run_in_process` does; `slot` decides which core it gets.
+    """A process that runs trials one after the other with `run_in_process`; `slot` decides which core it gets.
 
-    It is started for the first trial, and again after a trial that it did not end itself. One process does many trials
-    because starting it takes seconds, and a compiled trial takes a fraction of a second.
+    It is started for the first trial, and again after a trial that it did not end itself. One process runs many trials
+    because starting it takes seconds, and a compiled trial only a fraction of a second.
     """
 
     def __init__(self, run: Path, slot: int) -> None:
@@ -99,10 +99,9 @@ class _Supervision:
 
     @property
     def reusable(self) -> bool:
-        """Whether the worker can take another trial.
+        """Whether the worker can take another trial: it reported an outcome, and was not told to stop.
 
-        It reported an outcome, and was not told to stop: it may not have read that yet, and would take it for the name
-        of its next trial.
+        A stop that it has not read yet would be taken for the name of its next trial.
         """
         return self._reported is not None and not self._told_to_stop
 
@@ -120,13 +119,13 @@ class _Supervision:
         return self._without_report("failed", f"{self._process.how_it_ended(log)} (see {log})")
 
     def _listen(self) -> bool:
-        """Take in one thing at most that the worker says within `LISTEN_S`; return whether there is more to come."""
+        """Handle at most one message that the worker sends within `LISTEN_S`; return whether more will come."""
         try:
             if self._line.poll(LISTEN_S):
                 self._take(self._line.recv())
             elif self._process.exit_code is not None:
                 return self._line.poll()
-        except (EOFError, OSError):  # OSError: it ended with something from us unread
+        except (EOFError, OSError):  # OSError: it ended without reading everything we sent
             return False
         return self._reported is None
 
@@ -149,13 +148,13 @@ class _Supervision:
         return ""
 
     def _cut_short(self, outcome: str, reason: str) -> Outcome:
-        """End the trial, with a whole record if possible: the worker is asked to stop before it gets a signal."""
+        """End the trial, with a complete record if possible: the worker is asked to stop before it gets a signal."""
         self._told_to_stop = True
         with suppress(OSError):
             self._line.send("stop")
         self._process.end(TERM_TIMEOUT_S, enough=lambda: not self._listen())
         while self._process.exit_code is not None and self._listen():
-            pass  # its report may still be in the line
+            pass  # its report may still be in transit
         reported = self._reported
         if reported is None:
             return self._without_report(outcome, reason)

@@ -1,4 +1,4 @@
-"""A worker's process: runs whole trials without the bus, and talks to its parent over one line (a socket pair)."""
+"""The process of a worker: runs whole trials without the bus, and talks to its parent over a line (a socket pair)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def main() -> None:
 
 
 def _write_to(log: Path) -> None:
-    """Send everything that is printed from now on, by C libraries too, to `log`."""
+    """Send everything printed from now on, also by C libraries, to `log`."""
     sys.stdout.flush()
     with log.open("ab") as file:
         os.dup2(file.fileno(), 1)
@@ -45,7 +45,7 @@ def _write_to(log: Path) -> None:
 
 
 def _outcome(run: Path, name: str, line: Connection) -> Outcome:
-    """Run the trial and return its outcome. Anything that comes on the line means stop, and so does its end."""
+    """Run the trial and return its outcome. Any message on the line means stop, and so does closing it."""
     trial = read_trial(run, name)
     try:
         return run_in_process(run, trial, line.send, line.poll)

@@ -1,11 +1,11 @@
-"""Whether a claim holds, as far as the repeats can tell. Pure.
+"""Whether a claim holds according to the repeats. No I/O.
 
-Every part of a claim is judged by one number for each repeat and the range that is claimed for it. Repeat i has the
-same noise and disturbances for every controller, so two values are compared by their difference in each repeat. If the
-95 % confidence interval (Student's t) of the mean number lies inside the range, the result is `reproduced`; if it lies
-outside, `not reproduced`; otherwise, and with fewer than `LEAST_PAIRS` repeats, `cannot tell`. Repeats that are
-identical to the last bit (no noise) have no spread: their interval is a point. Claims are judged one by one, without
-correction for their number.
+Every part of a claim is judged by one number per repeat and the range claimed for it. Repeat i has the same noise and
+disturbances for every controller, so two values are compared by their difference in each repeat. If the 95 % confidence
+interval (Student's t) of the mean number lies inside the range, the result is `reproduced`; if it lies outside, `not
+reproduced`; otherwise, and with fewer than `LEAST_PAIRS` repeats, `cannot tell`. Repeats that are identical to the last
+bit (no noise) have no spread: their interval is a point. Claims are judged one by one, without correction for their
+number.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class Judgement:
-    """What the repeats say about one part of a claim."""
+    """The result of one part of a claim, from the repeats."""
 
     result: Result
     mean: float | None
@@ -37,9 +37,9 @@ class Judgement:
     """Lower end of its 95 % confidence interval"""
     high: float | None
     pairs: int
-    """Number of repeats that it rests on"""
+    """Number of repeats on which it is based"""
     reason: str = ""
-    """Why the repeats cannot tell, or what is special about them; empty otherwise"""
+    """Why the repeats are inconclusive, or what is special about them; empty otherwise"""
 
 
 def paired(values: Mapping[int, float], others: Mapping[int, float]) -> tuple[Array, Array]:
@@ -61,7 +61,7 @@ def relative(values: Array, others: Array) -> Array:
 
 
 def judge_claim(numbers: Array, claimed: Range) -> Judgement:
-    """Judge the numbers (n,) of n repeats by the range that is claimed for them."""
+    """Judge the numbers (n,) of n repeats by their claimed range."""
     n = int(numbers.size)
     if n == 0:
         return Judgement("cannot tell", None, None, None, 0, "nothing was measured")
@@ -83,7 +83,7 @@ def _side(low: float, high: float, claimed: Range) -> Result:
 
 
 def _judge_infinite(numbers: Array, claimed: Range) -> Judgement:
-    """Judge numbers of which some are not finite; there is a result only if all are infinite with the same sign."""
+    """Judge numbers that are not all finite; there is a result only if all are infinite with the same sign."""
     n = int(numbers.size)
     odd = int(np.sum(~np.isfinite(numbers)))
     for end in (-np.inf, np.inf):

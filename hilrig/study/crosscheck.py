@@ -25,7 +25,10 @@ _FIGURE = re.compile(r"[0-9]{1,3}[a-z]?")
 
 
 def cross_checked_study(study: Study, experiments: Experiments) -> Study:
-    """Return the study with every limit in its metric's unit. Raises InvalidError with everything that does not fit."""
+    """Return the study with every limit in its metric's unit.
+
+    Raises InvalidError with everything that does not match.
+    """
     findings: list[SchemaFinding] = []
     for i, figure in enumerate(study.figures):
         findings += _check_figure(figure, study, i, experiments)
@@ -126,7 +129,7 @@ def _check_part(part: Part, path: Keys, experiments: Experiments) -> Iterator[Sc
 
 
 def elsewhere(part: Part, other: LessThan | EqualsWithin) -> Part:
-    """Return the part whose value is the other one; anything that `other` does not name is as in `part`."""
+    """Return the part for the other value; everything that `other` does not name is as in `part`."""
     names = ("experiment", "condition", "controller", "phase")
     return replace(part, **{name: value for name in names if (value := getattr(other, name)) is not None})
 

@@ -38,13 +38,14 @@ class FigureContent(NamedTuple):
     """Label of the vertical axis, with its unit"""
     unit: str
     one_law: bool
-    """Whether the curves are components of one controller's quantity; then none is cut off to show the others"""
+    """Whether the curves are components of one controller's quantity, in which case none is cut off to show the
+    others"""
 
 
 def draw_figure(spec: FigureSpec, trials: DrawnTrials, everyone: tuple[str, ...]) -> tuple[Figure, tuple[str, ...]]:
     """Return the figure, and notes on what its limits leave out.
 
-    `everyone` are all controllers of the experiment, so that each has the same colour in every figure.
+    `everyone` lists all controllers of the experiment, so that each has the same colour in every figure.
     """
     content = _content(spec, trials, everyone)
     end = max(float(signals.record.time[-1]) + signals.record.period for _, signals in trials.values())
@@ -68,7 +69,7 @@ def draw_figure(spec: FigureSpec, trials: DrawnTrials, everyone: tuple[str, ...]
 
 
 def _content(spec: FigureSpec, trials: DrawnTrials, everyone: tuple[str, ...]) -> FigureContent:
-    """Return the curves of the figure: one for each controller, or for each component of one controller."""
+    """Return the curves of the figure: one per controller, or one per component of a single controller."""
     looks = styles(everyone)
     found = {name: _series(spec, trial, signals) for name, (trial, signals) in trials.items()}
     first = next(iter(found.values()))
@@ -96,7 +97,7 @@ class _Series(NamedTuple):
 
 
 def _series(spec: FigureSpec, trial: TrialEntry, signals: TrialSignals) -> _Series:
-    """Return what a figure shows of one trial. Raises KeyError for an axis or a field that is not there."""
+    """Return what a figure shows of one trial. Raises KeyError for an axis or a field that does not exist."""
     if spec.quantity.startswith(MEMORY):
         field = spec.quantity.removeprefix(MEMORY)
         document = memory_documents(trial.document["controller"]["kind"]).get(field, "")
@@ -116,7 +117,7 @@ def _series(spec: FigureSpec, trial: TrialEntry, signals: TrialSignals) -> _Seri
 
 
 def _panel(axes: Axes, content: FigureContent, span: tuple[float, float]) -> tuple[str, ...]:
-    """Draw the curves over `span`; return notes on what the limits leave out, which are written on the panel too."""
+    """Draw the curves over `span`; return notes on what the limits cut off, which are also written on the panel."""
     curves = [curve_window(curve, *span) for curve in content.curves]
     references = [curve_window(curve, *span) for curve in content.references]
     for curve in references:

@@ -1,4 +1,4 @@
-"""Judges claims by the tables of metrics, in words and numbers. Pure."""
+"""Judges claims by the tables of metrics, in words and numbers. No I/O."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from hilrig.study.crosscheck import elsewhere
 from hilrig.study.model import Claim, Part
 
 Tables = Mapping[str, pd.DataFrame]
-"""The metrics of each experiment, by its name"""
+"""The metrics of each experiment, by name"""
 Trials = Mapping[str, Sequence[TrialEntry]]
-"""The planned trials of each experiment, by its name"""
+"""The planned trials of each experiment, by name"""
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ class Evidence:
 
     part: Part
     measured: str
-    """What the judged number is, in words"""
+    """The judged number in words"""
     claimed: str
-    """The range that the claim says it is in"""
+    """The range in which the number is claimed to be"""
     unit: str
     """Unit of the number; "" for a pure number"""
     judgement: Judgement
@@ -88,7 +88,7 @@ def judge_claims(claims: Sequence[Claim], tables: Tables, trials: Trials) -> lis
 
 
 def _judge_part(part: Part, tables: Tables, trials: Trials) -> Evidence:
-    """Judge one part by the repeats that completed; if they are too few, say what is missing."""
+    """Judge one part by the repeats that completed; if there are too few, say what is missing."""
     values, metric_unit = _values(part, tables)
     other = part.less_than or part.equals_within
     places = (part,) if other is None else (part, elsewhere(part, other))
@@ -104,7 +104,7 @@ def _judge_part(part: Part, tables: Tables, trials: Trials) -> Evidence:
 
 
 def _numbers(part: Part, values: Array, others: Array | None = None) -> tuple[Array, Range]:
-    """Return the numbers (n,) by which a part is judged, and the range that is claimed for them."""
+    """Return the numbers (n,) by which a part is judged, and their claimed range."""
     if others is not None and part.equals_within:
         return relative(values, others), (-part.equals_within.fraction, part.equals_within.fraction)
     if others is not None and part.less_than:
@@ -113,7 +113,7 @@ def _numbers(part: Part, values: Array, others: Array | None = None) -> tuple[Ar
 
 
 def _words(part: Part, places: tuple[Part, ...], unit: str) -> tuple[str, str]:
-    """Return in words what is measured, and what is claimed for it."""
+    """Return in words what is measured and what is claimed."""
     subject = _subject(part)
     if part.equals_within:
         fraction = part.equals_within.fraction
@@ -133,7 +133,7 @@ def _values(part: Part, tables: Tables) -> tuple[dict[int, float], str]:
 
 
 def _missing(part: Part, tables: Tables, trials: Trials) -> str:
-    """Return why there are few values or none: trials that did not complete, or an axis that the metric lacks."""
+    """Return why values are missing: trials that did not complete, or an axis that the metric lacks."""
     mine = [t for t in trials[part.experiment] if (t.controller, t.condition) == (part.controller, part.condition)]
     lost = [trial for trial in mine if not trial.counts]
     if lost:
@@ -162,7 +162,7 @@ def _against(part: Part, there: Part) -> str:
 
 
 def _number(limit: float | str | None, default: float) -> float:
-    """Return a limit as a number, which it is once the study has been checked; `default` if there is none."""
+    """Return a limit as a number, which it is after the study has been checked; `default` if there is none."""
     return default if limit is None else float(limit)
 
 

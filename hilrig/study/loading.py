@@ -22,7 +22,7 @@ class Loaded:
     path: Path
     study: Study
     experiments: dict[str, Experiment]
-    """By name, in the order of the file"""
+    """By name, in file order"""
     sources: dict[str, Path]
     """The file of each experiment, by the experiment's name"""
 
@@ -50,7 +50,7 @@ def load_study(path: Path, overrides: Iterable[str] = ()) -> Loaded:
 def _experiments(
     study: Study, source: document.Document, overrides: list[str]
 ) -> tuple[dict[str, Experiment], dict[str, Path]]:
-    """Return the experiments and their files, by name. Raises ExperimentError with everything wrong in them."""
+    """Return the experiments and their files, by name. Raises ExperimentError with all mistakes in them."""
     experiments: dict[str, Experiment] = {}
     sources: dict[str, Path] = {}
     found: list[Problem] = []

@@ -27,12 +27,12 @@ from hilrig.study.pages import Page, PagePicture, write_pages
 from hilrig.study.rows import claim_rows, summary
 
 DIGITS = "%.9g"
-"""Digits of the numbers in the tables: more than anybody reads, and few enough to be the same on every machine"""
+"""Digits of the numbers in the tables: more than readers need, but few enough to be the same on every machine"""
 
 
 @dataclass(frozen=True)
 class _Read:
-    """What is kept from the run of one experiment."""
+    """The data kept from the run of one experiment."""
 
     data: RunData
     metrics: pd.DataFrame
@@ -47,7 +47,7 @@ class Made:
     judged: list[Judged]
     """The judged claims"""
     expected: dict[str, list[Expected]]
-    """The judged expectations of each experiment, by its name"""
+    """The judged expectations of each experiment, by name"""
     ended_well: bool
     """Whether every trial completed and is valid, or ended as expected"""
 
@@ -62,8 +62,8 @@ def make_reproduction(
 ) -> Made:
     """Write the reproduction into `out` from a run of each experiment, and return its result.
 
-    Writes index.html, README.md, figures/, claims.csv, metrics.csv and summary.json. They depend on the runs' signals
-    and the study's file only: the same trials make the same bytes. `jobs` processes read the signals. Raises
+    Writes index.html, README.md, figures/, claims.csv, metrics.csv and summary.json. They depend only on the runs'
+    signals and the study's file: the same trials give the same bytes. `jobs` processes read the signals. Raises
     RunDirectoryError if a directory in `runs` is not a run, or if `out` cannot be made.
     """
     with suppress(FileExistsError):
@@ -99,11 +99,11 @@ Each = Callable[..., Iterable[Any]]
 
 @contextmanager
 def _readers(jobs: int) -> Iterator[Each]:
-    """Yield a function like `map` that works on one item after the other, or in `jobs` processes."""
+    """Yield a function like `map` that processes items one after the other, or in `jobs` processes."""
     if jobs == 1:
         yield map
         return
-    # Fresh processes, because forking a process that has threads is not safe.
+    # Fresh processes, because forking a process with threads is not safe.
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         yield pool.map
 
@@ -122,7 +122,7 @@ def _read(study: Study, name: str, data: RunData, each: Each) -> _Read:
 def _read_trial(
     memory: Sequence[str], shown: Collection[str], trial: TrialEntry
 ) -> tuple[list[tuple[Any, ...]], TrialSignals | None]:
-    """Return the rows of metrics of a trial, if it is compared, and its signals, if a figure shows them."""
+    """Return the metric rows of a trial, if it is compared, and its signals, if a figure shows them."""
     signals = read_signals(trial)
     if signals is None:
         return [], None
@@ -131,7 +131,7 @@ def _read_trial(
 
 
 def _drawn(spec: FigureSpec, data: RunData) -> list[TrialEntry]:
-    """Return the trials that a figure shows: for each controller the first completed repeat, or the first of all."""
+    """Return the trials that a figure shows: per controller the first completed repeat, or else the first one."""
     chosen: dict[str, TrialEntry] = {}
     for trial in sorted(data.trials, key=lambda trial: (not trial.counts, trial.repeat)):
         if trial.condition == spec.condition and trial.controller in spec.controllers:

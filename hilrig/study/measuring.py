@@ -27,7 +27,7 @@ def memory_field(metric: str) -> str | None:
 
 
 def components(values: Array, axes: tuple[str, ...]) -> dict[str, Array]:
-    """Return the columns of a field (N, k) by name: axes if there is one column for each, else numbers from 1."""
+    """Return the columns of a field (N, k) by name: axis names if there is one column per axis, else numbers from 1."""
     names = axes if values.shape[1] == len(axes) else tuple(str(i + 1) for i in range(values.shape[1]))
     return {name: values[:, i] for i, name in enumerate(names)}
 

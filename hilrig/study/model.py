@@ -29,7 +29,7 @@ class FigureSpec:
 
 @dataclass(frozen=True)
 class LessThan:
-    """Another measured value, times a factor; anything that is not named is as in the part."""
+    """Another measured value, times a factor; everything not named is as in the part."""
 
     controller: Annotated[str | None, Parameter("", "name of the other controller")] = None
     experiment: Annotated[str | None, Parameter("", "name of the other experiment")] = None
@@ -73,7 +73,7 @@ WAYS = ("below", "above", "less_than", "equals_within")
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of a publication, which holds if all its parts do; or a reason why no trial can decide it."""
+    """A claim of a publication, which holds if all its parts hold; or a reason why no trial can decide it."""
 
     claim: Annotated[str, Parameter("", "the claim, in one's own words")]
     where: Annotated[str, Parameter("", "section, figure, equation")]
@@ -86,7 +86,7 @@ class Claim:
 class Study:
     """A study to reproduce, as declared in its file."""
 
-    hilrig: Annotated[Literal[1], Parameter("", "version of this file's form: 1")]
+    hilrig: Annotated[Literal[1], Parameter("", "version of the file format: 1")]
     title: Annotated[str, Parameter("", "the publication that is reproduced")]
     out: Annotated[str, Parameter("", "folder of the result, relative to where hilrig is called")]
     experiments: Annotated[tuple[str, ...], Parameter("", "experiment files, relative to this one")]

@@ -1,4 +1,4 @@
-"""The pages of a reproduction: one self-contained HTML file, and a README to read in the repository."""
+"""The pages of a reproduction: one self-contained HTML file, and a README for the repository."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class PagePicture:
 
     spec: FigureSpec
     file: str
-    """Name of its files in figures/, without the suffix; "" if there is nothing to draw, which the caption says"""
+    """Name of its files in figures/, without the suffix; "" if there is nothing to draw, as the caption then says"""
     source: str
     """Data URI"""
     caption: str
@@ -33,7 +33,7 @@ class PagePicture:
 
 @dataclass(frozen=True)
 class Page:
-    """Everything that the pages show."""
+    """The content of the pages."""
 
     loaded: Loaded
     judged: Sequence[Judged]
@@ -43,7 +43,7 @@ class Page:
     runs: Mapping[str, RunData]
     """The run of each experiment, by its name"""
     command: str
-    """The command that makes all of it"""
+    """The command that makes the whole reproduction"""
     overrides: tuple[str, ...]
 
 
@@ -77,7 +77,7 @@ def _run_command(page: Page, experiment: str) -> str:
 
 
 def shown_path(path: Path) -> str:
-    """Return a path as the pages show it: relative to where hilrig was called if it is below, else only its name."""
+    """Return a path as the pages show it: relative to the working directory if below it, else only its name."""
     try:
         return path.resolve().relative_to(Path.cwd()).as_posix()
     except ValueError:

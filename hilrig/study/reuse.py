@@ -1,4 +1,4 @@
-"""Takes existing runs for the experiments of a study."""
+"""Reuses existing runs for the experiments of a study."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def match(loaded: Loaded, runs: Sequence[Path], overrides: Sequence[str]) -> dic
     """Return the run of each experiment that has one, by the experiment's name.
 
     Raises ExperimentError for a run of another experiment, of a file that has changed since, or with other overrides,
-    and for a second run of one experiment; RunDirectoryError for a directory that is not a run.
+    and for a second run of an experiment; RunDirectoryError for a directory that is not a run.
     """
     found: dict[str, Path] = {}
     for run in runs:

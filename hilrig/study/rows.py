@@ -1,4 +1,4 @@
-"""Judged claims as rows of a table, and the whole result as a document for programs."""
+"""Judged claims as table rows, and the whole result as a machine-readable document."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hilrig.study.loading import Loaded
 
 
 def claim_rows(judged: Sequence[Judged]) -> list[dict[str, Any]]:
-    """Return a row for each part of each claim, and one for each claim that no trial can decide."""
+    """Return one row per part of each claim, and one for each claim that no trial can decide."""
     rows: list[dict[str, Any]] = []
     for i, item in enumerate(judged, start=1):
         head = {"number": i, "where": item.claim.where, "claim": item.claim.claim, "claim_result": item.result}
@@ -45,7 +45,7 @@ def summary(
     runs: Mapping[str, RunData],
     overrides: Sequence[str],
 ) -> dict[str, Any]:
-    """Return the whole result, for programs."""
+    """Return the whole result in machine-readable form."""
     experiments = [
         {
             "name": name, "question": experiment.question, "trials": len(runs[name].trials),
@@ -74,7 +74,7 @@ def summary(
 
 
 def _rounded(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values with as many digits as the tables have."""
+    """Return the values rounded to the digits of the tables."""
     return {
         key: float(f"{value:.9g}") if isinstance(value, float) and math.isfinite(value) else value
         for key, value in values.items()
@@ -88,7 +88,7 @@ def counts(judged: Sequence[Judged]) -> dict[str, int]:
 
 
 def reason(trial: TrialEntry) -> str:
-    """Return why a trial did not complete; for a failure only where to look, because its text names files."""
+    """Return why a trial did not complete; for a failure only where to look, because its text contains file names."""
     return "see its log" if trial.ending == "failed" else ended_because(trial.outcome)
 
 

@@ -1,10 +1,10 @@
-"""The rules that every kind keeps, as tests for the author of one; needs pytest, the extra `hilrig[test]`.
+"""The rules that every kind must keep, as tests for authors of kinds; needs pytest, the extra `hilrig[test]`.
 
     from hilrig.testing import contract
 
     test_my_controller = contract("controllers", "./my_controller.py")
 
-makes one test for each rule. `python -m hilrig.testing controllers ./my_controller.py` runs the same without a file.
+creates one test per rule. `python -m hilrig.testing controllers ./my_controller.py` does the same without a test file.
 """
 
 from importlib.util import find_spec

@@ -22,7 +22,7 @@ KIND         a kind of the group, or a path such as ./my_controller.py
 FIELD=VALUE  a value to test with, such as force=0.5; a field without a default may need one
 OPTION       of pytest, such as -x, -q, -k memory or --junit-xml=FILE
 
-docs/testing.md has the same as a test file of two lines."""
+docs/testing.md shows the same as a test file of two lines."""
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -38,7 +38,7 @@ def main(arguments: Sequence[str]) -> int:
     if not any("=" not in word for word in words):
         raise PluginError(f"name a kind of {group} ({', '.join(kind_names(group))}), or a file such as ./mine.py")
     with tempfile.TemporaryDirectory() as folder:
-        # The two lines that an author would write. A configuration of pytest that happens to be here plays no part.
+        # The two lines that an author would write. Any pytest configuration in this folder is ignored.
         file, settings = Path(folder, f"test_{group}.py"), Path(folder, "pytest.ini")
         call = ", ".join([repr(group), *map(_argument, words)])
         file.write_text(f"from hilrig.testing import contract\n\ntest_contract = contract({call})\n", encoding="utf-8")

@@ -22,14 +22,14 @@ register_all()
 
 
 def contract(group: str, *names: str | Path, file_text: str = TABLE, **values: Any) -> Callable[..., None]:
-    """Return a test function with one test for each rule that the kinds of `group` keep.
+    """Return a test function with one test for each rule that kinds of `group` must keep.
 
-    `names` are kinds, or paths of Python files from the folder of the file that calls this; without any, every kind of
-    the group that is installed is tested. `values` are given to the fields of these names: to those that have no
-    default, or to those whose default shows nothing (a disturbance of 0 N). `file_text` is what a reference that reads
-    a file finds in it.
+    `names` are kinds, or paths of Python files relative to the folder of the calling file; without names, every
+    installed kind of the group is tested. `values` go to the fields of these names: those without a default, or those
+    whose default has no effect (a disturbance of 0 N). `file_text` is the content of the file that a reference reads.
 
-    Raises PluginError if there is no such group, and TypeError for a value that none of the kinds has a field for.
+    Raises PluginError if there is no such group, and TypeError for a value whose name is not a field of any of the
+    kinds.
     """
     base = Path(sys._getframe(1).f_globals.get("__file__", "")).absolute().parent
     chosen = [Chosen(group, str(name), base, values, file_text) for name in names or kind_names(group)]
@@ -45,7 +45,7 @@ def contract(group: str, *names: str | Path, file_text: str = TABLE, **values: A
         if kind.why_not:
             if rule is None:
                 pytest.fail(kind.why_not, pytrace=False)
-            pytest.skip(f"{kind.name}: no instance of it can be made")
+            pytest.skip(f"{kind.name}: no instance of it can be created")
         if rule is not None:
             try:
                 sentence = rule.judge(kind.subject)
@@ -59,7 +59,7 @@ def contract(group: str, *names: str | Path, file_text: str = TABLE, **values: A
 
 @dataclass(frozen=True)
 class Chosen:
-    """A kind that is to be tested; it is made when it is first asked for."""
+    """A kind to be tested; it is created at first use."""
 
     group: str
     name: str
@@ -69,28 +69,28 @@ class Chosen:
 
     @property
     def id(self) -> str:
-        """Its name in the names of its tests."""
+        """The name of the kind in test names."""
         return Path(self.name).stem if is_path(self.name) else self.name
 
     @cached_property
     def cls(self) -> type | None:
-        """Its class, or None if it cannot be loaded."""
+        """The class of the kind, or None if it cannot be loaded."""
         with suppress(PluginError):
             return load_kind(self.group, self.name, self.base)
         return None
 
     @cached_property
     def why_not(self) -> str:
-        """Why it is no kind that can be tested, in a sentence; empty if it is one."""
+        """Why the kind cannot be tested, in a sentence; empty if it can."""
         try:
             _ = self.subject
         except PluginError as error:
             return f"a kind of {self.group} must load, but {error}"
         except (TypeError, ValueError) as error:
-            return f"{self.name}: the test must be able to make one, but {error}"
+            return f"{self.name}: the test must be able to create one, but {error}"
         return ""
 
     @cached_property
     def subject(self) -> Subject:
-        """It, with its instances."""
+        """The kind with its instances."""
         return subject_of(self.group, self.name, self.base, self.values, self.file_text)

@@ -1,4 +1,4 @@
-"""What simulated drivers are given in their tests: a place near their surface, commands, and disturbances."""
+"""Inputs for testing simulated drivers: a position near their surface, commands, and disturbances."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from hilrig.testing.rule import Broken, NotApplicableError
 
 PERIOD = 1e-3
 DEPTH = 0.005
-"""m in the surface: some newtons on most"""
+"""m into the surface: a few newtons on most surfaces"""
 CLEAR = -0.02
-"""m in the surface: away from it"""
+"""m into the surface: negative, away from it"""
 PUSH = 4.0
 """N along the first axis"""
 TRIES = 60
 
 
 def still(robot: Robot) -> PlantDisturbance:
-    """Return what disturbs nothing."""
+    """Return a disturbance without effect."""
     return PlantDisturbance(np.zeros(len(robot.axes)), 0.0, 0.0, 1.0, 1.0, 1.0)
 
 
 def disturbed(robot: Robot, name: str) -> PlantDisturbance:
-    """Return a disturbance of the plant's input `name` alone, a field of the DisturbanceSchedule."""
+    """Return a disturbance of only the plant's input `name`, a field of the DisturbanceSchedule."""
     m = len(robot.axes)
     values = {
         "tip_force": np.linspace(2.0, 3.0, m), "surface_offset": -0.002, "surface_velocity": -0.05,
@@ -38,9 +38,9 @@ def disturbed(robot: Robot, name: str) -> PlantDisturbance:
 
 @contextmanager
 def begun(driver: Driver, depth: float = DEPTH) -> Iterator[Plant]:
-    """Begin at rest, `depth` m in the surface, measure once as the rig does, and close the plant at the end.
+    """Begin at rest, `depth` m into the surface, measure once as the rig does, and close the plant at the end.
 
-    Raises NotApplicableError for a driver of a plant that is not simulated: a test moves no robot.
+    Raises NotApplicableError for a driver whose plant is not simulated: a test never moves a robot.
     """
     require_simulated(driver)
     plant = driver.begin(TrialStart(PERIOD, pose(driver, depth)))
@@ -52,15 +52,15 @@ def begun(driver: Driver, depth: float = DEPTH) -> Iterator[Plant]:
 
 
 def require_simulated(driver: Driver) -> None:
-    """Raise NotApplicableError for a driver of a plant that is not simulated, or that lacks what it needs."""
+    """Raise NotApplicableError for a driver whose plant is not simulated, or that lacks what it needs."""
     if not driver.capabilities.simulated:
-        raise NotApplicableError("its plant is not simulated, and a test moves no robot")
+        raise NotApplicableError("its plant is not simulated, and a test never moves a robot")
     if missing := getattr(driver, "missing", str)():
         raise NotApplicableError(missing)
 
 
 def pose(driver: Driver, depth: float) -> Array:
-    """Return joint positions (n,) rad with the tip `depth` m in the surface, far from a singularity."""
+    """Return joint positions (n,) rad with the tip `depth` m into the surface, far from a singularity."""
     robot, random = driver.robot, np.random.default_rng(11)
     low, high = robot.joint_limits()
     found: list[tuple[float, Array]] = []
@@ -75,14 +75,14 @@ def pose(driver: Driver, depth: float) -> Array:
             found.append((float(np.linalg.cond(robot.kinematics(q, 0 * q).jacobian)), q))
     if not found:
         raise Broken(
-            f"the robot reaches no place on its surface, at {driver.surface_position:g} m along {robot.axes[-1]}; "
+            f"the robot reaches no point on its surface, at {driver.surface_position:g} m along {robot.axes[-1]}; "
             "give the test a surface that it reaches"
         )
     return min(found, key=lambda item: item[0])[1]
 
 
 def pushed(driver: Driver, plant: Plant, disturbance: PlantDisturbance, ticks: int = 60) -> Array:
-    """Return how far the tip comes, (m,) m, with a push of 4 N along the first axis on top of what holds it."""
+    """Return how far the tip moves, (m,) m, with a push of 4 N along the first axis added to the holding command."""
     robot, quiet = driver.robot, still(driver.robot)
     start, hold = plant.measure(quiet).joint_position.copy(), plant.hold()
     push = robot.kinematics(start, 0 * start).jacobian[0] * PUSH
@@ -94,12 +94,12 @@ def pushed(driver: Driver, plant: Plant, disturbance: PlantDisturbance, ticks: i
 
 
 def force_index(robot: Robot) -> list[int]:
-    """Return where in a wrench the forces along the robot's axes are."""
+    """Return the indices in a wrench of the forces along the robot's axes."""
     return [WRENCH_AXES.index(axis) for axis in robot.axes]
 
 
 def swinging(driver: Driver, plant: Plant, k: int) -> Command:
-    """Return the command of tick k in a swing about where the plant is."""
+    """Return the command of tick k in a swing about the plant's position."""
     n = driver.robot.joints
     swing = 0.5 * np.sin(0.3 * k + np.arange(n))
     hold = plant.hold()
@@ -107,6 +107,6 @@ def swinging(driver: Driver, plant: Plant, k: int) -> Command:
 
 
 def swing(driver: Driver, plant: Plant, ticks: int = 10) -> None:
-    """Let the plant swing for so many periods."""
+    """Let the plant swing for this many periods."""
     for k in range(ticks):
         plant.advance(swinging(driver, plant, k), still(driver.robot))

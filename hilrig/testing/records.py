@@ -1,4 +1,4 @@
-"""What metrics are given in their tests: the record of one phase of a trial."""
+"""Records for testing metrics: one phase of a trial."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PERIOD = 1e-3
 
 
 def record(ticks: int, axes: tuple[str, ...] = ("x", "z"), joints: int = 2, **changes: Any) -> PhaseRecord:
-    """Return a phase of rest, the last axis force-controlled, every signal zero but for `changes`."""
+    """Return a phase at rest, with the last axis force-controlled and every signal zero except `changes`."""
     m, zeros = len(axes), np.zeros((ticks, len(axes)))
     sigma = np.array([1.0] * (m - 1) + [0.0])
     plain: dict[str, Any] = {
@@ -30,7 +30,7 @@ def record(ticks: int, axes: tuple[str, ...] = ("x", "z"), joints: int = 2, **ch
 def flawed(
     scale: float = 1.0, ticks: int = 2000, axes: tuple[str, ...] = ("x", "z"), joints: int = 2, **changes: Any
 ) -> PhaseRecord:
-    """Return a phase with errors of this scale that die out: off its path, out of contact, restless and late."""
+    """Return a phase with decaying errors of this scale: off its path, out of contact, restless and late."""
     time, m = np.arange(ticks) * PERIOD, len(axes)
     free, pressed = np.array([1.0] * (m - 1) + [0.0]), np.array([0.0] * (m - 1) + [1.0])
     fading = scale * np.exp(-5 * time)[:, None]
@@ -45,7 +45,7 @@ def flawed(
 
 
 def rows(whole: PhaseRecord, chosen: Any) -> PhaseRecord:
-    """Return these ticks of a record with more ticks than axes and joints: a slice, or a mask."""
+    """Return these ticks (a slice or a mask) of a record that has more ticks than axes and joints."""
     signals = {field.name: getattr(whole, field.name) for field in dataclasses.fields(whole)}
     over_time = {name: value for name, value in signals.items() if np.shape(value)[:1] == whole.tick.shape}
     return dataclasses.replace(whole, **{name: value[chosen] for name, value in over_time.items()})

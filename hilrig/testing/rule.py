@@ -1,4 +1,4 @@
-"""What a rule is: a function that looks at a kind and raises `Broken` if the kind does not keep it."""
+"""Rules: functions that check a kind and raise `Broken` if the kind breaks the rule."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Broken(Exception):
 
 
 class NotApplicableError(Exception):
-    """A rule says nothing about this kind. The message says why."""
+    """A rule does not apply to this kind. The message says why."""
 
 
 class Rule(NamedTuple):
@@ -33,14 +33,14 @@ class Rule(NamedTuple):
     name: str
     """In words, with underscores: it names the test"""
     sentence: str
-    """What must be so"""
+    """The requirement"""
     check: Callable[[Any], None]
-    """Raises Broken or NotApplicableError; any other error is the kind's own"""
+    """Raises Broken or NotApplicableError; any other error comes from the kind"""
     whole: bool
-    """Whether `check` takes the Subject, not one variant of it after the other"""
+    """Whether `check` takes the Subject, rather than each of its variants in turn"""
 
     def judge(self, subject: Subject) -> str:
-        """Return one sentence about how `subject` breaks the rule; empty if it keeps it. Raises NotApplicableError."""
+        """Return one sentence on how `subject` breaks the rule; empty if it keeps it. Raises NotApplicableError."""
         silent: list[NotApplicableError] = []
         looked_at = [subject] if self.whole else subject.variants
         for variant in looked_at:
@@ -63,7 +63,7 @@ RULES: dict[str, list[Rule]] = {group: [] for group in GROUPS}
 def rule(*groups: str, whole: bool = False) -> Callable[[Check], Check]:
     """Make a function a rule of these groups: its name names the test, the first line of its docstring is the rule.
 
-    It is called with each variant of a kind, or with `whole` once, with the Subject.
+    It is called with each variant of a kind, or once with the Subject if `whole`.
     """
 
     def register(check: Check) -> Check:
@@ -83,7 +83,7 @@ def require(condition: Any, what: str, *values: Any) -> None:
 
 @contextmanager
 def noting(where: str) -> Iterator[None]:
-    """Let an error of the kind's own say where it came: "on 3 axes it raised ..."."""
+    """Add a note to an error of the kind that says where it occurred: "on 3 axes it raised ..."."""
     try:
         yield
     except Broken:
@@ -100,7 +100,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 def shown(value: Any) -> str:
-    """Return an array, a number or a word as a message shows it."""
+    """Return the text of an array, a number or a word for a message."""
     if isinstance(value, (str, int)):
         return str(value)
     array = np.asarray(value)
@@ -110,7 +110,7 @@ def shown(value: Any) -> str:
 
 
 def _told(error: Exception, subject: Subject) -> str:
-    """Return what the kind did, with the line of its file for an error of its own."""
+    """Return what the kind did, with the line of its file if it raised an error."""
     if isinstance(error, Broken):
         return str(error)
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == subject.file]

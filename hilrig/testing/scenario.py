@@ -1,4 +1,4 @@
-"""What a control law is given in its tests: the states and references of a robot that is led along a path.
+"""Inputs for testing control laws: the states and references of a robot that follows a path.
 
 The loop is open: the law's torque moves nothing, so that gains for another robot do no harm.
 """
@@ -15,7 +15,7 @@ from hilrig import Array, Impedance, Kinematics, Law, Reference, State, Task
 PERIOD = 1e-3
 TICKS = 200
 MISSED = (60, 61, 130)
-"""Ticks at which the law is not called, as it happens in real time"""
+"""Ticks at which the law is not called, as can happen in real time"""
 MASS, GRAVITY, BEND = 2.0, 9.81, 0.2
 
 
@@ -23,20 +23,20 @@ Group = TypeVar("Group", State, Reference)
 
 
 class Tick(NamedTuple):
-    """What a law is given at one tick."""
+    """The inputs of a law at one tick."""
 
     state: State
     reference: Reference
 
 
 class Scenario(NamedTuple):
-    """A trial of m joints and m axes, the last one force-controlled; its arrays belong to nobody else."""
+    """A trial with m joints and m axes, the last one force-controlled; its arrays are not shared."""
 
     task: Task
     ticks: list[Tick]
 
     def reusing(self) -> Iterator[Tick]:
-        """Yield the ticks in one set of arrays, which is spoilt and then written anew before each of them."""
+        """Yield the ticks in one set of arrays, which is spoilt and then rewritten before each tick."""
         room = Tick(_copied(self.ticks[0].state), _copied(self.ticks[0].reference))
         for tick in self.ticks:
             for target, source in ((room.state, tick.state), (room.reference, tick.reference)):
@@ -47,7 +47,7 @@ class Scenario(NamedTuple):
 
 
 def scenario(axes: int, model: bool = True) -> Scenario:
-    """Return a new scenario on so many axes; without `model` the robot has no dynamic parameters."""
+    """Return a new scenario with this many axes; without `model` the robot has no dynamic parameters."""
     names = ("x", "y", "z")[-axes:]
     theta = np.concatenate([np.full(axes, MASS), np.zeros(2 * axes)]) if model else np.zeros(0)
     sigma = np.ones(axes)

@@ -1,4 +1,4 @@
-"""What disturbances are given in their tests: the schedule of some seconds."""
+"""Schedules for testing disturbances: a few seconds long."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hilrig import Array, Disturbance, DisturbanceSchedule
 
 PERIOD = 1e-3
 TIME: Array = np.arange(4000, dtype=np.float64) * PERIOD
-"""s: the ticks that `applied` disturbs"""
+"""s, span of the ticks that `applied` disturbs"""
 
 
 def applied(*disturbances: Disturbance, seed: int = 0) -> DisturbanceSchedule:
@@ -20,13 +20,13 @@ def applied(*disturbances: Disturbance, seed: int = 0) -> DisturbanceSchedule:
 
 
 def named(schedule: DisturbanceSchedule) -> dict[str, Array]:
-    """Return every array of the schedule under the name that `acts_on` has for it."""
+    """Return every array of the schedule, under the name that `acts_on` uses."""
     plain = {name: part for name, part in schedule._asdict().items() if name != "faults"}
     return plain | {f"faults.{name}": part for name, part in schedule.faults._asdict().items()}
 
 
 def disturbed_ticks(schedule: DisturbanceSchedule) -> dict[str, np.ndarray]:
-    """Return the ticks at which a field is not as in a quiet schedule, for the fields that have such ticks."""
+    """Return the ticks at which a field differs from a quiet schedule, for the fields with such ticks."""
     quiet, found = named(applied()), {}
     for name, part in named(schedule).items():
         differs = (part != quiet[name]).reshape(TIME.size, -1).any(axis=1)

@@ -1,4 +1,4 @@
-"""A kind under test, with the instances of it that the rules look at."""
+"""A kind under test, with the instances that the rules check."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from hilrig.kinds.registry import PROTOCOLS, group_of, is_path, load_kind
 from hilrig.kinds.robots.planar_2r import Planar2r
 
 MOST_VARIANTS = 64
-"""Of a kind's choices, combined; further ones are not looked at"""
+"""Maximum number of combinations of a kind's choices; further ones are not checked"""
 ALL_CHOICES = ("controllers", "references", "disturbances", "metrics")
-"""Groups whose kinds are tested in each of their choices. A robot or a plant may offer one that is wrong on purpose"""
+"""Groups whose kinds are tested with each choice. A robot or a plant may offer one that is wrong on purpose"""
 TABLE = "time,value\n0,0\n1,0.8\n2,0.9\n3,0.1\n4,-0.8\n"
-"""What a reference that reads a file is given: five points of about a sine"""
+"""File text for a reference that reads a file: five points, roughly a sine"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,16 +30,16 @@ class Subject:
 
     group: str
     kind: str
-    """Its name, or the whole path of its file"""
+    """Its name, or the full path of its file"""
     name: str
-    """As a message names it: "pd", or "my_controller.py\""""
+    """Its name in messages: "pd", or "my_controller.py\""""
     cls: type
     file: str
-    """Where its class is defined"""
+    """The file that defines its class"""
     variants: tuple[Any, ...]
-    """Instances of it, one for each combination of its choices; at least one"""
+    """Instances, one per combination of its choices; at least one"""
     given: bool
-    """Whether its author gave values to test with"""
+    """Whether the author gave values to test with"""
 
     def choice(self, variant: Any) -> str:
         """Return how a variant differs from the first, such as " with target='direct'"; empty if it does not."""
@@ -50,7 +50,7 @@ class Subject:
 
 
 def subject_of(group: str, kind: str, base: Path, values: Mapping[str, Any], file_text: str = TABLE) -> Subject:
-    """Return a kind with instances of it, `values` by field name for the fields that it has.
+    """Return a kind with its instances; `values` go to the fields of these names.
 
     `base` is the folder that a path starts from; `file_text` is given to a reference that reads a file. Raises
     PluginError if there is no such kind, and TypeError or ValueError if no instance can be made.
@@ -68,7 +68,7 @@ def subject_of(group: str, kind: str, base: Path, values: Mapping[str, Any], fil
 
 
 def check_values(group: str, classes: Sequence[type], values: Mapping[str, Any]) -> None:
-    """Raise TypeError for a value that none of the classes has a field for."""
+    """Raise TypeError for a value whose name is not a field of any of the classes."""
     names = {field.name for cls in classes for field in dataclasses.fields(cls)}
     for name in values if classes else ():
         if name not in names:
@@ -77,10 +77,10 @@ def check_values(group: str, classes: Sequence[type], values: Mapping[str, Any])
 
 
 def example(cls: type, **values: Any) -> Any:
-    """Return an instance of a dataclass, with `values` by field name for the fields that it has.
+    """Return an instance of a dataclass; `values` go to the fields of these names.
 
-    A field without a value and without a default is given one by its type: a number is 1.5, moved into its bounds; a
-    list of numbers 0, 1, 2; a robot two links of 1.5 m; a text "z" if the field is named `axis`. Raises TypeError for
+    A field without a value and a default gets one by its type: a number is 1.5, moved into its bounds; a list of
+    numbers is 0, 1, 2; a robot has two links of 1.5 m; a text is "z" if the field is named `axis`. Raises TypeError for
     any other type.
     """
     hints = _hints(cls)
@@ -94,7 +94,7 @@ def example(cls: type, **values: Any) -> Any:
 
 
 def parameter_of(hint: Any) -> Parameter | None:
-    """Return the Parameter in an annotation, if it has one."""
+    """Return the Parameter in an annotation, if there is one."""
     return next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, Parameter)), None)
 
 
@@ -117,7 +117,7 @@ def _bare(hint: Any) -> Any:
 
 
 def _variants(cls: type, values: Mapping[str, Any]) -> Iterator[Any]:
-    """Yield an instance for each combination of the fields that are a choice between words; the defaults come first."""
+    """Yield an instance for each combination of the fields that offer a choice of words; the defaults come first."""
     first = example(cls, **values)
     choices = {
         name: (getattr(first, name), *(word for word in typing.get_args(hint) if word != getattr(first, name)))
@@ -134,7 +134,7 @@ _ROBOT = Planar2r((1.5, 1.5), (1.5, 1.5))
 
 
 def _value(name: str, hint: Any) -> Any:
-    """Return a value for the field `name` so annotated."""
+    """Return a value for the field `name` with this annotation."""
     kind, known = _bare(hint), parameter_of(hint) or Parameter("")
     if typing.get_origin(kind) in (typing.Union, types.UnionType):
         kind = next(part for part in typing.get_args(kind) if part is not types.NoneType)

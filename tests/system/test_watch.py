@@ -96,7 +96,7 @@ def test_a_watcher_that_stands_still_or_dies_is_not_noticed(start, experiment, t
 def test_what_cannot_be_watched_is_said(hilrig, start, experiment, tmp_path: Path) -> None:
     nothing = hilrig("watch")
     assert (nothing.returncode, nothing.stdout) == (2, "")
-    assert "no run below runs/ is going on" in nothing.stderr
+    assert "no run below runs/ is running" in nothing.stderr
     program = start("run", experiment(duration=600.0), "--no-report")
     wait_for(lambda: live(tmp_path))
     os.kill(program.pid, signal.SIGKILL)

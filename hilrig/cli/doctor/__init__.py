@@ -1,1 +1,1 @@
-"""Whether this machine can run the loop at 1 ms: what the host is like, what a probe measures, and a verdict."""
+"""Checks whether this machine can run the loop at 1 ms: properties of the host, a probe, and a verdict."""

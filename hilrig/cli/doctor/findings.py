@@ -1,6 +1,6 @@
-"""What a machine's set-up means for a loop at 1 ms, and the command that fixes each fault. Pure.
+"""What a machine's set-up means for a loop at 1 ms, and the command that fixes each fault. No I/O.
 
-Commands are those of Debian and Ubuntu.
+Commands are for Debian and Ubuntu.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from hilrig.cli.doctor.verdict import Probe
 
 LIMITS = "/etc/security/limits.d/99-hilrig.conf"
 SHALLOW = 20e-6
-"""s; an idle state with a shorter exit latency does not show beside the scheduler's own lateness"""
+"""s; an idle state with a shorter exit latency is hidden by the scheduler's own lateness"""
 BUSY = 0.3
 """Mean number of running processes above which the machine was not idle during the probe"""
 FEW = 4
@@ -21,7 +21,7 @@ FEW = 4
 STOLEN = 0.002
 """Fraction of the cores' time: 2 ms of each second"""
 SLOW_CLOCKS = ("hpet", "acpi_pm", "jiffies", "refined-jiffies")
-"""Clock sources that are read by a system call, which takes a microsecond or more"""
+"""Clock sources that need a system call, which takes a microsecond or more"""
 
 
 class Finding(NamedTuple):
@@ -30,9 +30,9 @@ class Finding(NamedTuple):
     name: str
     value: str
     verdict: Literal["ok", "note", "fault"]
-    """"note": good to know, but it cannot or need not be fixed"""
+    """"note": useful to know, but it cannot or need not be fixed"""
     remedy: str = ""
-    """A command that fixes it, or what to do in words; empty if there is nothing to do"""
+    """A command that fixes the fault, or what to do in words; empty if there is nothing to do"""
 
 
 def findings(host: Host) -> list[Finding]:
@@ -154,7 +154,7 @@ def _cores(host: Host) -> Iterator[Finding]:
     else:
         yield Finding("cores", value, "ok")
     if host.threads_per_core > 1:
-        value = f"{host.threads_per_core} per core: whatever runs on the other one slows the loop"
+        value = f"{host.threads_per_core} per core: a process on the other thread slows the loop"
         yield Finding("threads", value, "note", "echo off | sudo tee /sys/devices/system/cpu/smt/control")
     yield _isolation(host)
 

@@ -1,4 +1,4 @@
-"""Reads what a machine says about itself that matters to a real-time loop. It does not judge."""
+"""Reads the properties of a machine that matter to a real-time loop, without judging them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CAP_IPC_LOCK = 14
 
 
 class IdleState(NamedTuple):
-    """A state that an idle core may sleep in."""
+    """An idle state of a core."""
 
     name: str
     latency: float
@@ -23,22 +23,22 @@ class IdleState(NamedTuple):
 
 
 class Tried(NamedTuple):
-    """What is not in any file, and was tried or asked."""
+    """Properties that are not in any file and were found by trying or asking."""
 
     fifo: str
     """Why SCHED_FIFO was refused; empty if it was not"""
     virtual_machine: str
-    """Its kind; empty if unknown, or none"""
+    """Kind of virtual machine; empty if unknown, or none"""
     container: str
     zenoh: str
     """Version"""
     ros: tuple[str, ...]
-    """What there is of ROS, in words"""
+    """The ROS installations found, in words"""
 
 
 @dataclass(frozen=True)
 class Host:
-    """A machine as a real-time loop sees it; what is unknown is empty or None."""
+    """The properties of a machine that matter to a real-time loop; unknown ones are empty or None."""
 
     system: str
     """Distribution, such as "debian" or "ubuntu\""""
@@ -51,7 +51,7 @@ class Host:
     rt_priority_limit: int | None
     """RLIMIT_RTPRIO; None for unlimited"""
     rt_runtime: float | None
-    """s of each second that SCHED_FIFO may have; None for all of it"""
+    """s of each second that SCHED_FIFO may use; None for all of it"""
     memory_lock_limit: int | None
     """RLIMIT_MEMLOCK in bytes; None for unlimited"""
     may_lock_memory: bool
@@ -59,7 +59,7 @@ class Host:
     governors: tuple[str, ...]
     """Frequency governors in use; empty without cpufreq"""
     idle_states: tuple[IdleState, ...]
-    """Of the first core, the deepest last; empty without cpuidle"""
+    """Idle states of the first core, the deepest last; empty without cpuidle"""
     dma_latency: str
     """/dev/cpu_dma_latency: "writable", "refused" or "absent\""""
     cores: int
@@ -75,16 +75,16 @@ class Host:
     clock_sources: tuple[str, ...]
     """Those that may be chosen"""
     hypervisor: bool
-    """Whether the processor says that there is one"""
+    """Whether the processor reports a hypervisor"""
     swaps: tuple[str, ...]
     """Swap areas in use"""
     load: float
-    """Processes that ran or wanted to, mean of the last minute"""
+    """Running and runnable processes, mean over the last minute"""
     tried: Tried
 
 
 def read_host(tried: Tried, root: Path = Path("/")) -> Host:
-    """Return what the files below `root` say about the machine."""
+    """Return the machine's properties from the files below `root`."""
     files = _Files(root)
     version, command = files.text("proc/sys/kernel/version"), files.text("proc/cmdline")
     limits, cpu = files.text("proc/self/limits"), files.text("proc/cpuinfo")
@@ -117,7 +117,7 @@ def read_host(tried: Tried, root: Path = Path("/")) -> Host:
 
 
 class _Files:
-    """Files below a root; one that is not there, or not readable, is empty."""
+    """Files below a root; a missing or unreadable file counts as empty."""
 
     def __init__(self, root: Path) -> None:
         self._root = root
@@ -133,7 +133,7 @@ class _Files:
         return [self.text(str(path.relative_to(self._root))) for path in sorted(self._root.glob(pattern))]
 
     def packed(self, path: str) -> str:
-        """Return the text of a file that is compressed by gzip."""
+        """Return the text of a gzip-compressed file."""
         try:
             return gzip.decompress((self._root / path).read_bytes()).decode(errors="replace")
         except OSError:
@@ -160,7 +160,7 @@ def _whole(text: str, missing: int) -> int:
 
 
 def _limit(limits: str, name: str) -> int | None:
-    """Return the soft limit of /proc/self/limits; None for unlimited, 0 if it is not there."""
+    """Return the soft limit from /proc/self/limits; None for unlimited, 0 if missing."""
     value = _field(limits, rf"^{name}\s+(\S+)")
     return None if value == "unlimited" else int(value or 0)
 
@@ -170,7 +170,7 @@ def _capabilities(status: str) -> int:
 
 
 def _cores(text: str) -> tuple[int, ...]:
-    """Return the cores of a list that may also read "(null)"."""
+    """Return the cores in a list that may also be "(null)"."""
     return tuple(listed(text)) if text[:1].isdigit() else ()
 
 
@@ -182,7 +182,7 @@ def _idle_states(files: _Files) -> tuple[IdleState, ...]:
 
 
 def _preemption(files: _Files, version: str, command: str) -> str:
-    """Return the kernel's model: as it says itself, as it was booted, else as it was built."""
+    """Return the kernel's preemption model: as reported now, else from the boot options, else from the build."""
     if files.text("sys/kernel/realtime") == "1" or "PREEMPT_RT" in version:
         return "rt"
     now = _field(files.text("sys/kernel/debug/sched/preempt"), r"\((\w+)\)")

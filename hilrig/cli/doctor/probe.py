@@ -1,4 +1,4 @@
-"""Measures what this machine does at 1 kHz: two processes, set up like those of a trial, that compute nothing."""
+"""Measures this machine's timing at 1 kHz: two processes, set up like those of a trial, that compute nothing."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from hilrig.rig.socket_folder import make_socket_folder
 
 PERIOD_NS = 1_000_000
 START_UP_TIMEOUT_S = 60.0
-"""How long the processes may take to start and to end, besides the time of the probe"""
+"""How long the processes may take to start and to end, in addition to the probe itself"""
 
 
 def probe(seconds: float, settings: RigSettings) -> Probe:
-    """Return what a probe of `seconds` found. Raises RigError if one of its processes fails."""
+    """Return the result of a probe of `seconds`. Raises RigError if one of its processes fails."""
     sockets = make_socket_folder()
     cores = cores_for(0, realtime=True)
     ticks = round(seconds * 1e9 / PERIOD_NS)
@@ -51,7 +51,10 @@ def probe(seconds: float, settings: RigSettings) -> Probe:
 
 
 def wait_for(children: Mapping[str, ChildProcess], logs: Mapping[str, Path], timeout_s: float) -> None:
-    """Wait until all have ended well. Raises RigError for the first that failed, or that still runs at the end."""
+    """Wait until all have ended without error.
+
+    Raises RigError for the first that failed, or is still running at the end.
+    """
 
     def one_failed() -> bool:
         return pause() or any(child.failed for child in children.values())
@@ -66,6 +69,6 @@ def wait_for(children: Mapping[str, ChildProcess], logs: Mapping[str, Path], tim
 
 
 def _processor_time() -> tuple[int, int]:
-    """Return (time of all cores, time that the hypervisor took of it) so far, in the kernel's ticks."""
+    """Return (time of all cores, part of it taken by the hypervisor) so far, in the kernel's ticks."""
     fields = [int(word) for word in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:]]
     return sum(fields[:8]), fields[7]

@@ -1,4 +1,4 @@
-"""A process of the probe: the driver asks at every tick, and the controller answers at once."""
+"""A process of the probe: the driver sends a message at every tick, and the controller answers at once."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ OTHER = {"driver": "controller", "controller": "driver"}
 
 
 def main() -> None:
-    """Run as ordered on the command line; write which settings were applied to <role>.json, beside the sockets."""
+    """Run as ordered on the command line; write the applied settings to <role>.json, next to the sockets."""
     orders = json.loads(sys.argv[1])
     role, settings = orders["role"], RigSettings(**orders["settings"])
     signals = Signals()
@@ -67,7 +67,7 @@ def ask(bus: Bus, orders: dict[str, Any], settings: RigSettings) -> Report:
         asked.put(bytes(8) + padding)
         answers.take()
         time.sleep(PAUSE_S)
-    # As in a trial, a thread stamps the answers: the loop itself is asleep until the next tick.
+    # As in a trial, a thread stamps the answers, because the loop itself sleeps until the next tick.
     listener = threading.Thread(target=_listen, args=(answers, stamps[3]), daemon=True)
     listener.start()
     pacer = Pacer(period_ns * 1e-9, realtime=True, spin=settings.spin)

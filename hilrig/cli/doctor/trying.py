@@ -1,4 +1,4 @@
-"""What can only be found out about a machine by trying, or by asking other programs."""
+"""Properties of a machine that can only be found by trying, or by asking other programs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _TRY_FIFO = (
 
 
 def try_things(priority: int) -> Tried:
-    """Try SCHED_FIFO at `priority` in a process of its own; look for a virtual machine, zenoh and ROS."""
+    """Try SCHED_FIFO at `priority` in a separate process; look for a virtual machine, zenoh and ROS."""
     return Tried(
         fifo=_refusal(_printed([sys.executable, "-P", "-c", _TRY_FIFO, str(priority)])),
         virtual_machine=_kind("--vm"),

@@ -1,4 +1,4 @@
-"""Whether a machine is fit for a loop with a given period: the rule and the numbers that it uses. Pure."""
+"""Whether a machine is fit for a loop with a given period: the rule and the numbers that it uses. No I/O."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ class Probe(NamedTuple):
     period: float
     """s"""
     late: int
-    """Ticks whose answer had not arrived at the next one, or that began a period or more after they were due"""
+    """Ticks whose answer had not arrived by the next tick, or that began a period or more after they were due"""
     lateness_us: dict[str, float]
     """Percentiles of woke - due"""
     round_trip_us: dict[str, float]
     """Percentiles of received - published; empty if no answer came"""
     unanswered: int
     steal: float
-    """Fraction of the cores' time that the hypervisor took; 0 without one"""
+    """Fraction of the cores' time that the hypervisor took; 0 without a hypervisor"""
     setup: dict[str, Report]
-    """Which real-time settings were applied: process -> report"""
+    """The real-time settings that were applied: process -> report"""
 
 
 class Readiness(NamedTuple):
@@ -58,11 +58,12 @@ class Readiness(NamedTuple):
 
 
 def summarise_probe(stamps: ProbeStamps, steal: float, setup: dict[str, Report]) -> Probe:
-    """Return the result of a probe from its stamps."""
+    """Return the result of a probe, computed from its stamps."""
     lateness = stamps.woke - stamps.due
     answered = stamps.received > 0
     trips = (stamps.received - stamps.published)[answered]
-    # With an actuation delay of one, the answer to tick k takes effect when tick k + 1 wakes, if it is there by then.
+    # With an actuation delay of one, the answer to tick k takes effect when tick k + 1 wakes, if it has arrived by
+    # then.
     tick, due, woke = np.arange(1, lateness.size), stamps.due[1:], stamps.woke[1:]
     in_time = answered[:-1] & (stamps.received[:-1] <= woke)
     late = is_late(tick, np.where(in_time, tick - 1, -1), due, applied=woke, delay=1, period_ns=stamps.period)
@@ -79,7 +80,8 @@ def judge_probe(probe: Probe) -> Readiness:
     **ready**: at most 0.1 % of the ticks late, p99 of lateness at most l/10, p99 of the round trip at most l/2, and
     SCHED_FIFO applied, because without it any other process may make the loop late, however quiet the machine is now.
     **usable with late ticks**: at most 0.5 % late (an experiment's default budget), p99 of lateness at most l/4 and of
-    the round trip at most l. **not ready**: worse. The probe has no control law; the time that a law takes is added.
+    the round trip at most l. **not ready**: worse. The probe has no control law; the time that a law takes comes on
+    top.
     """
     short_of_ready = _beyond(probe, READY_LATE, 10, 2)
     refused = [report["scheduler"]["reason"] for report in probe.setup.values() if report["scheduler"]["reason"]]

@@ -1,4 +1,4 @@
-"""check: whether an experiment file is right."""
+"""check: whether an experiment file is valid."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from hilrig.core.compiler import interpret
 def check(experiment: ExperimentFile, override: Overrides = None, as_json: AsJson = False) -> None:
     """Check an experiment file without running it.
 
-    Lists everything that is wrong, each with line, column, what is allowed and the nearest right name. Warns of bounds
-    that the experiment does not keep. Exit code: 0 it can be run, with or without warnings; 2 it cannot.
+    Lists every mistake with line, column, what is allowed and the nearest valid name. Warns of bounds that the
+    experiment does not keep. Exit code: 0 the experiment can be run, with or without warnings; 2 it cannot.
     """
     interpret()
     loaded, trials = planned(experiment, override or [])

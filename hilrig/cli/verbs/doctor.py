@@ -28,8 +28,8 @@ def doctor(
     """Check whether this machine can run the loop at 1 ms.
 
     Reads the machine's settings, then measures at 1 kHz how late a process wakes up and how long a message and its
-    answer take over the bus, with the default set-up of an experiment. Lists how to fix what is in the way. Exit code:
-    0 the machine was examined, whatever was found.
+    answer take over the bus, with the default set-up of an experiment. Lists how to fix the faults found. Exit code: 0
+    the machine was examined, whatever was found.
     """
     from hilrig.cli.doctor.findings import findings, from_probe
     from hilrig.cli.doctor.host import read_host
@@ -39,7 +39,7 @@ def doctor(
     from hilrig.experiment.rig_settings import RigSettings
 
     settings = RigSettings()
-    # Before the probe, which loads the machine itself.
+    # Before the probe, which itself loads the machine.
     host = read_host(try_things(settings.priority))
     if not as_json:
         typer.echo(f"measuring for {seconds:g} s ...", err=True)

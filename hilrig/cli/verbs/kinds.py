@@ -1,4 +1,4 @@
-"""kinds: what an experiment file can name, and with which parameters."""
+"""kinds: the kinds that an experiment file can name, and their parameters."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def kinds(
 
 
 def _first_line(cls: type) -> str:
-    """Return what the module of a kind says it is."""
+    """Return the summary line of the module of a kind."""
     return (inspect.getdoc(inspect.getmodule(cls)) or "").split("\n")[0]
 
 

@@ -30,7 +30,7 @@ def list_command(
 
 
 def _row(run: Path) -> dict[str, Any]:
-    """Return what `list` shows of one run. A damaged one does not hide the others."""
+    """Return the row of `list` for one run. A damaged run does not hide the others."""
     from hilrig.recording.run_directory import ending, read_manifest, read_outcome, read_plan
 
     try:

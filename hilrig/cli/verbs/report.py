@@ -1,4 +1,4 @@
-"""report: the report of a run, from its directory alone."""
+"""report: the report of a run, from its directory only."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def report_command(
     ] = None,
     junit: Junit = None,
 ) -> None:
-    """Make the report of a run again, from its directory alone.
+    """Rebuild the report of a run from its directory.
 
-    Also lists which expectations of the experiment were met. Exit code: 0 the report was made, whatever it says; 2
+    Also lists which expectations of the experiment were met. Exit code: 0 the report was written, whatever it says; 2
     there is no such run, or nothing to report.
     """
     path = run_meant(run)

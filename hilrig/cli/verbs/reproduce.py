@@ -1,4 +1,4 @@
-"""reproduce: a whole study, from its experiments to its judged claims."""
+"""reproduce: a complete study, from its experiments to its judged claims."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def reproduce(
     ] = None,
     override: Overrides = None,
 ) -> None:
-    """Run a whole study and judge its claims.
+    """Run a complete study and judge its claims.
 
     Runs the study's experiments, draws its figures, and judges its claims and the expectations of its experiments. The
-    result has no dates and no paths: the same study gives the same files. --set changes every experiment, so the result
-    needs a folder of its own (--out).
+    result contains no dates and no paths: the same study gives the same files. --set changes every experiment, so the
+    result needs its own folder (--out).
 
     Exit code: 0 all trials completed or ended as expected, and all expectations were met, whatever became of the
     claims; 1 a trial did not, or an expectation was not met; 2 the study or the command line is wrong; 130 interrupted.
@@ -50,7 +50,7 @@ def reproduce(
     if jobs < 1:
         raise ExperimentError(f"--jobs {jobs}: the number of trials at a time must be at least 1")
     if overrides and out is None:
-        raise ExperimentError("--set changes the study, so the result needs a folder of its own; give --out")
+        raise ExperimentError("--set changes the study, so the result needs its own folder; give --out")
     loaded = load_study(study, overrides)
     there = match(loaded, [run_meant(run) for run in reuse or []], overrides)
     made = _run_all(loaded, there, runs, jobs, overrides)
@@ -70,13 +70,13 @@ def reproduce(
 
 
 def _run_all(loaded: Loaded, there: dict[str, Path], out: Path, jobs: int, overrides: list[str]) -> dict[str, Path]:
-    """Run every experiment that has no run yet; return a run of each, by name."""
+    """Run every experiment that has no run yet; return one run per experiment, by name."""
     from hilrig.cli.progress import Display
     from hilrig.experiment.plan import plan
     from hilrig.experiment.plan.assessing import assess
     from hilrig.rig.execution import Options, execute
 
-    # All plans first: what is wrong must show before anything is started.
+    # All plans first: mistakes must show before anything is started.
     planned: dict[str, tuple[Trial, ...]] = {
         name: plan(experiment) for name, experiment in loaded.experiments.items() if name not in there
     }

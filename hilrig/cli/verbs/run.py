@@ -28,7 +28,7 @@ def run(
     in_process: Annotated[
         bool,
         typer.Option(
-            "--in-process", help="Run without the bus: all in this process, or with --jobs in one process for each job."
+            "--in-process", help="Run without the bus: all in this process, or with --jobs in one process per job."
         ),
     ] = False,
     jobs: Annotated[int, typer.Option(help="Number of trials to run at the same time.")] = 1,
@@ -86,7 +86,7 @@ def run(
 
 
 def listener(trials: int, watch: bool) -> Display | WatchedRun:
-    """Return what shows the progress of the trials: bars, or a watch process."""
+    """Return the progress display of the trials: bars, or a watch process."""
     if watch:
         from hilrig.cli.watch.process import WatchedRun
 

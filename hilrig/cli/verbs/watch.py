@@ -26,9 +26,9 @@ def watch(
 ) -> None:
     """Watch a run in progress.
 
-    Shows position, force, errors and late ticks, trial by trial. It runs at the lowest priority and asks only the
-    logger, so it cannot hold up the loop: start it and leave it (Ctrl-C) at any time. Without a terminal it prints a
-    line every two seconds.
+    Shows position, force, errors and late ticks, trial by trial. It runs at the lowest priority and talks only to the
+    logger, so it cannot delay the loop: start it and stop it (Ctrl-C) at any time. Without a terminal it prints a line
+    every two seconds.
     """
     if keep_on:
         signal.signal(signal.SIGINT, signal.SIG_IGN)

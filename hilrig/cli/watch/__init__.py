@@ -1,1 +1,1 @@
-"""The live view of a run in the terminal: a process of its own, which asks the loggers and nobody else."""
+"""The live view of a run in the terminal: a separate process that talks only to the loggers."""

@@ -1,4 +1,4 @@
-"""Which run there is to watch."""
+"""Finds the run to watch."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hilrig.rig.live import IN_PROCESS, LiveRun, read_live
 
 
 def newest_live_run(runs: Path) -> Path:
-    """Return the newest run below `runs` that is going on, on the bus if there is one.
+    """Return the newest running run below `runs`, preferably one on the bus.
 
     Raises RunDirectoryError if there is none.
     """
@@ -20,15 +20,15 @@ def newest_live_run(runs: Path) -> Path:
         return on_bus[0]
     for path in found:
         raise RunDirectoryError(without_bus(path))
-    raise RunDirectoryError(f"no run below {runs}/ is going on; start one with: hilrig run EXPERIMENT --watch")
+    raise RunDirectoryError(f"no run below {runs}/ is running; start one with: hilrig run EXPERIMENT --watch")
 
 
 def going_on(run: Path) -> LiveRun:
-    """Return what the run says of itself while it goes on. Raises RunDirectoryError if it cannot be watched."""
+    """Return the content of the run's live.json. Raises RunDirectoryError if the run cannot be watched."""
     live = read_live(run)
     if live is None:
         finished = read_manifest(run).get("finished")
-        ended = f"it ended at {finished}" if finished else "it is not going on"
+        ended = f"it ended at {finished}" if finished else "it is not running"
         raise RunDirectoryError(f"{run}: {ended}; see: hilrig show {run}")
     if not live.alive:
         raise RunDirectoryError(gone(run, live))
@@ -38,10 +38,10 @@ def going_on(run: Path) -> LiveRun:
 
 
 def gone(run: Path, live: LiveRun) -> str:
-    """Return in words that the run's program ended without removing live.json."""
-    return f"{run}: not going on any more, its program (process {live.pid}) was killed; see: hilrig show {run}"
+    """Return the message that the run's program ended without removing live.json."""
+    return f"{run}: no longer running, its program (process {live.pid}) was killed; see: hilrig show {run}"
 
 
 def without_bus(run: Path) -> str:
-    """Return in words that there is nothing to ask."""
-    return f"{run}: goes on in one process (--in-process), without a bus: there is nothing to watch"
+    """Return the message that the run has no bus."""
+    return f"{run}: runs in one process (--in-process), without a bus: there is nothing to watch"

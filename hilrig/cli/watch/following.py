@@ -1,4 +1,4 @@
-"""Follows a run from trial to trial: joins the bus of the one that goes on, and asks its logger for views."""
+"""Follows a run from trial to trial: joins the bus of the running trial and asks its logger for views."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from hilrig.rig.live import LiveRun, LiveTrial, read_live
 from hilrig.rig.view import ASKING, CHANNEL, GRANT_S, read_view
 
 ASK = GRANT_S / 4
-"""s between two times that views are asked for"""
+"""s between two requests for views"""
 LOOK = 0.2
-"""s between two looks at live.json"""
+"""s between two checks of live.json"""
 
 
 @dataclass
 class Ear:
-    """The watcher's place on one trial's bus."""
+    """The watcher's connection to one trial's bus."""
 
     trial: PlannedTrial
     bus: Bus
@@ -35,7 +35,7 @@ class Ear:
         self._next = 0.0
 
     def listen(self, now: float) -> None:
-        """Take in the views that have come, and ask for more."""
+        """Add the views that have arrived, and request more."""
         while (payload := self._views.poll()) is not None:
             self.history.add(read_view(payload, len(self.trial.axes)), now)
         if now >= self._next:
@@ -44,7 +44,7 @@ class Ear:
 
 
 class Follower:
-    """Where a run stands, as far as a watcher can tell."""
+    """The state of a run as a watcher sees it."""
 
     def __init__(self, run: PlannedRun, live: LiveRun) -> None:
         self._run, self._live = run, live
@@ -53,10 +53,10 @@ class Follower:
         self._ended = run.ended()
         self._next_look = 0.0
         self.over: str | None = None
-        """How the run ended, once it has: "" if it did so by itself, "killed" if its program is gone"""
+        """How the run ended, once it has: "" if by itself, "killed" if its program is gone"""
 
     def look(self) -> Scene:
-        """Return what there is to show now."""
+        """Return the current scene."""
         now = time.monotonic()
         if now >= self._next_look:
             self._next_look = now + LOOK
@@ -82,7 +82,7 @@ class Follower:
             self._join(trial)
 
     def _join(self, trial: LiveTrial) -> None:
-        # Before the bus: its threads keep to the cores that the process has then.
+        # Before opening the bus: its threads inherit the cores that the process has then.
         os.sched_setaffinity(0, self._cores)
         pin(list(trial.cores))
         self._ear = Ear(self._run.trials[trial.id], Bus(trial.id, "watcher", [], [trial.endpoint]))

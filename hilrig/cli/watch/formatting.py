@@ -1,4 +1,4 @@
-"""How the numbers of a view are written: once, for the screen and for plain lines."""
+"""Formats the numbers of a view, for the screen and for plain lines."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ def late(trial: PlannedTrial, view: View) -> tuple[str, str]:
 
 
 def lateness(trial: PlannedTrial, history: History) -> str:
-    """Return how late the driver woke at most, over the views that are kept; empty in lockstep."""
+    """Return the driver's largest lateness over the kept views; empty in lockstep."""
     return f"lateness up to {history.lateness * 1e6:.0f} us" if trial.realtime else ""
 
 
 def pace(trial: PlannedTrial, history: History) -> str:
-    """Return the speed and the wall time left."""
+    """Return the speed and the remaining wall time."""
     view, speed = history.last, history.speed
     if view is None or not speed:
         return ""
@@ -51,7 +51,7 @@ def pace(trial: PlannedTrial, history: History) -> str:
 
 
 def state(history: History, now: float) -> str:
-    """Return what is to be said when there is no news; empty if there is."""
+    """Return the text for when there is no news; empty if there is news."""
     if history.last is None:
         return "starting"
     silent = now - history.heard

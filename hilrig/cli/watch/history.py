@@ -1,4 +1,4 @@
-"""The last views of a trial, and what follows from them."""
+"""The latest views of a trial, and values derived from them."""
 
 from __future__ import annotations
 
@@ -10,35 +10,35 @@ import numpy as np
 
 from hilrig.rig.view import INTERVAL_S, View
 
-if TYPE_CHECKING:  # the signals load numba, which a watcher does without
+if TYPE_CHECKING:  # importing signals loads numba, which a watcher does not need
     from hilrig.core.signals import Array
 
 KEPT = round(10.0 / INTERVAL_S)
-"""Views that are kept: those of the last ten seconds"""
+"""Number of views kept: those of the last ten seconds"""
 
 
 @dataclass
 class History:
-    """What has been seen of one trial."""
+    """The views of one trial seen so far."""
 
     views: deque[View] = field(default_factory=lambda: deque(maxlen=KEPT))
     heard: float = 0.0
     """When the last view came in, s of a monotonic clock"""
 
     def add(self, view: View, now: float) -> None:
-        """Take in a view; one that is not newer than the last is none."""
+        """Add a view; ignore it if it is not newer than the last."""
         if not self.views or view.tick > self.views[-1].tick:
             self.views.append(view)
             self.heard = now
 
     @property
     def last(self) -> View | None:
-        """The newest view, if there is one."""
+        """The newest view, if any."""
         return self.views[-1] if self.views else None
 
     @property
     def speed(self) -> float | None:
-        """Trial time over wall time, over the views that are kept; None before there are two."""
+        """Trial time over wall time, over the kept views; None before there are two."""
         if len(self.views) < 2:
             return None
         first, last = self.views[0], self.views[-1]
@@ -46,12 +46,12 @@ class History:
 
     @property
     def span(self) -> float:
-        """Trial time over which the kept views go, s."""
+        """Trial time that the kept views span, s."""
         return self.views[-1].time - self.views[0].time if self.views else 0.0
 
     @property
     def lateness(self) -> float:
-        """The latest wake-up in the views that are kept, s."""
+        """The latest wake-up in the kept views, s."""
         return max((view.lateness for view in self.views), default=0.0)
 
     def error(self, axis: int) -> Array:

@@ -1,4 +1,4 @@
-"""What the plan says of the trials that are watched, from its documents alone: no plug-in is loaded."""
+"""The plan's data on the watched trials, from its documents alone: no plug-in is loaded."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class PlannedTrial:
     number: int
     """From 1, in the order of the plan"""
     name: str
-    """Controller, condition and repeat, for a person"""
+    """Controller, condition and repeat, for display"""
     axes: tuple[str, ...]
     force_axes: tuple[str, ...]
     period: float
@@ -29,7 +29,7 @@ class PlannedTrial:
     phases: tuple[tuple[str, float], ...]
     """Name and end (s) of each"""
     late_fraction: float
-    """Share of late ticks that the experiment allows"""
+    """Fraction of late ticks that the experiment allows"""
 
     def phase_at(self, time: float) -> str:
         """Return the name of the phase at trial time `time`, s."""

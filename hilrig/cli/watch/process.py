@@ -19,14 +19,14 @@ END_TIMEOUT_S = 3.0
 
 
 class WatchedRun:
-    """Leaves the terminal to the watch process while the trials run, and prints how they ended after that."""
+    """Leaves the terminal to the watch process while the trials run, then prints how they ended."""
 
     def __init__(self) -> None:
         self._watcher: ChildProcess | None = None
         self._lines: list[Text] = []
 
     def opened(self, run: Path) -> None:
-        """Start the watch process. It shares the terminal; Ctrl-C there is meant for the run."""
+        """Start the watch process. It shares the terminal; Ctrl-C there applies to the run."""
         command = [sys.executable, "-P", "-m", "hilrig", "watch", str(run), "--keep-on"]
         process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=sys.stderr)
         self._watcher = ChildProcess("the watch process", process)
@@ -58,7 +58,7 @@ class WatchedRun:
         watcher.end(END_TIMEOUT_S, END_TIMEOUT_S)
         code = watcher.exit_code
         if code is None or code < 0:
-            # It could not give the terminal back itself.
+            # It could not restore the terminal itself.
             errors.set_alt_screen(False)
             errors.show_cursor()
         if code != 0:

@@ -1,4 +1,4 @@
-"""What there is to show of a run."""
+"""The state of a run to be shown."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hilrig.cli.watch.planned import PlannedRun, PlannedTrial
 
 @dataclass(frozen=True)
 class Scene:
-    """What there is to show at a moment."""
+    """The state to be shown at one moment."""
 
     run: PlannedRun
     trial: PlannedTrial | None
@@ -20,4 +20,4 @@ class Scene:
     ended: Counter[str]
     """Trials that have ended, by outcome"""
     others: int = 0
-    """Trials that go on beside this one"""
+    """Number of other running trials"""

@@ -1,4 +1,4 @@
-"""The screen of a run that is watched: lines of text for the terminal's width and height."""
+"""The screen of a watched run: lines of text for the terminal's width and height."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LEAST_WIDTH = 40
 
 @dataclass(frozen=True)
 class Screen:
-    """What is known at a moment, ready to be printed; it takes what room there is and no more."""
+    """The current state of a run, ready to be printed; it adapts to the available space."""
 
     scene: Scene
     now: float
@@ -39,7 +39,7 @@ class Screen:
 
 
 def head(scene: Scene, now: float, width: int) -> list[Text]:
-    """Return the lines on the run and the trial: HEAD of them."""
+    """Return the HEAD lines on the run and the trial."""
     run, trial, history = scene.run, scene.trial, scene.history
     lines = [Text(run.question, style="bold")]
     if trial is None:
@@ -73,7 +73,7 @@ def head(scene: Scene, now: float, width: int) -> list[Text]:
 
 
 def bar(share: float, width: int) -> Text:
-    """Return a bar over the whole width, `share` (0 to 1) of it done."""
+    """Return a progress bar over the full width, with `share` (0 to 1) of it done."""
     done = round(min(max(share, 0.0), 1.0) * width)
     line = Text("━" * done, style="cyan")
     line.append("─" * (width - done), style="bright_black")
@@ -81,14 +81,14 @@ def bar(share: float, width: int) -> Text:
 
 
 def rule(width: int, right: str, left: str = "") -> Text:
-    """Return a line with words at its right, and news at its left."""
+    """Return a line with news on the left and words on the right."""
     line = Text(left, style="yellow")
     line.append(f"{right:>{width - len(left)}}" if width > len(left) else "", style="dim")
     return line
 
 
 def axes(scene: Scene, width: int, height: int) -> list[Text]:
-    """Return the lines on the axes, at most `height`: numbers first, charts in what room is left."""
+    """Return the lines on the axes, at most `height`: numbers first, charts in the remaining space."""
     trial, view = scene.trial, scene.history.last
     if trial is None or view is None:
         return []
@@ -103,7 +103,7 @@ def axes(scene: Scene, width: int, height: int) -> list[Text]:
 
 
 def numbers(scene: Scene, i: int, view: View) -> list[Text]:
-    """Return two lines: what is controlled on axis `i`, with its error, and the rest."""
+    """Return two lines: the controlled quantity of axis `i` with its error, and the rest."""
     trial = scene.trial
     assert trial is not None
     presses = trial.axes[i] in trial.force_axes

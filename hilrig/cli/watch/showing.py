@@ -1,4 +1,4 @@
-"""Shows a run until it ends: on a terminal as a screen that is drawn anew, elsewhere as plain lines."""
+"""Shows a run until it ends: on a terminal as a screen that is redrawn, elsewhere as plain lines."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from hilrig.rig.processes import CHILD_ENVIRONMENT
 FRAME = 0.2
 """s between two screens"""
 POLL = 0.05
-"""s between two looks at the bus"""
+"""s between two checks of the bus"""
 LINE_INTERVAL_S = 2.0
 """s between two plain lines"""
 LAST = 19
-"""Niceness: everything else on a core comes first"""
+"""Niceness: everything else on a core has priority"""
 
 
 def watch_run(path: Path, console: Console) -> None:
     """Show the run in `path` until it ends. Raises RunDirectoryError if it cannot be watched, or was killed."""
     os.nice(LAST)
-    os.environ.update(CHILD_ENVIRONMENT)  # one thread a pool for the bus too; before it is loaded
+    os.environ.update(CHILD_ENVIRONMENT)  # also one thread per pool for the bus; set before it is loaded
     live = going_on(path)
     with Follower(planned_run(path), live) as follower:
         if console.is_terminal and console.encoding.lower().startswith("utf"):
@@ -45,7 +45,7 @@ def watch_run(path: Path, console: Console) -> None:
 
 
 class Show:
-    """The screen; it gives the terminal back when it is stopped (Ctrl-Z), told to end, or left by an error."""
+    """The screen; it restores the terminal when it is suspended (Ctrl-Z), told to end, or ends with an error."""
 
     def __init__(self, console: Console, follower: Follower) -> None:
         self._console, self._follower = console, follower
@@ -80,7 +80,7 @@ class Show:
 
 
 def print_lines(console: Console, follower: Follower) -> None:
-    """Print a line on the trial now and then."""
+    """Print a line on the trial at intervals."""
     due = 0.0
     while follower.over is None:
         scene, now = follower.look(), time.monotonic()
@@ -91,7 +91,7 @@ def print_lines(console: Console, follower: Follower) -> None:
 
 
 def line(scene: Scene, now: float) -> str:
-    """Return where a trial stands, in one line."""
+    """Return the state of a trial in one line."""
     trial, view = scene.trial, scene.history.last
     assert trial is not None
     assert view is not None

@@ -1,11 +1,11 @@
-"""Which process caused a late tick.
+"""Determines which process caused a late tick.
 
 Tick k is late because the command of tick w = k - d was not there in time. The time from when w was due until that
 command came in, or until it was needed if it never came, is split into the shares of driver, transport and controller
-(`shares.py`). A share's excess is what it took beyond its median over the trial. The process with the largest excess is
-the cause if the command would have come in time without it, or if it is nearly all of the excess there is. If no excess
-explains the lateness, the cause is the one process whose share is most of the time available: a controller that is
-always too slow. Otherwise the cause is unknown.
+(`shares.py`). A share's excess is the part above its median over the trial. The process with the largest excess is the
+cause if the command would have been in time without it, or if it makes up nearly all of the total excess. If no excess
+explains the lateness, the cause is the one process whose share takes most of the available time, such as a controller
+that is always too slow. Otherwise the cause is unknown.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from hilrig.recording.certificate.shares import Chain, chains, typical, ways
 from hilrig.recording.certificate.table import Flags, Stamps, StampTable
 
 DOMINANT = 0.75
-"""Part of all excess that is nearly all of it, and part of the time available that is most of it"""
+"""Fraction of the total excess that counts as nearly all, and of the available time that counts as most"""
 
 
 class Attribution(NamedTuple):
-    """Which ticks of a table were late, and what caused each."""
+    """The late ticks of a table, and the cause of each."""
 
     late: Flags
     """(N,)"""
@@ -46,7 +46,7 @@ def attribute(table: StampTable, terms: Terms) -> Attribution:
     rows = np.flatnonzero(late)
     chain = chains(table, terms, rows)
     cause[rows] = _causes(chain, typical(ways(table, terms)[1]), terms.period_ns)
-    # A driver that applies a command a period late is late whichever command it is.
+    # A driver that applies a command a period late is the cause, whichever command it is.
     cause[late & overran(table.driver.due, table.driver.applied, terms.period_ns)] = DRIVER
     return Attribution(late, cause)
 
@@ -61,6 +61,6 @@ def _causes(chain: Chain, usual: Stamps, period_ns: int) -> Stamps:
     most_of_it = DOMINANT * (chain.needed - chain.due)
     alone = chain.shares >= most_of_it[:, None]
     always = np.where(np.count_nonzero(alone, axis=1) == 1, np.argmax(alone, axis=1), UNKNOWN)
-    # Where one process always takes most of the time, a small excess of another causes nothing.
+    # Where one process always takes most of the time, a small excess of another is not the cause.
     explained &= (always == UNKNOWN) | (largest >= most_of_it)
     return np.where(chain.known, np.where(explained, most, always), UNKNOWN)

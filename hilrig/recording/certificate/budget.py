@@ -9,7 +9,7 @@ from hilrig.recording.certificate.table import Stamps
 
 
 def violations(budget: TimingBudget, terms: Terms, ticks: int, late: int, ages: Stamps) -> list[str]:
-    """Return why a trial in real time is outside its budget, one line for each reason; empty if it is within.
+    """Return the reasons why a real-time trial is outside its budget, one line each; empty if it is within.
 
     `ages` are the ages of the commands in effect, (K,) ns.
     """
@@ -30,7 +30,7 @@ def violations(budget: TimingBudget, terms: Terms, ticks: int, late: int, ages: 
 
 
 def _told_apart(value: float, limit: float) -> tuple[str, str]:
-    """Return both with three digits, or with as many as it takes to show that the value is above the limit."""
+    """Return both with three digits, or as many as needed to show that the value is above the limit."""
     for digits in range(3, 18):
         if float(f"{value:.{digits}g}") > float(f"{limit:.{digits}g}"):
             return f"{value:.{digits}g}", f"{limit:.{digits}g}"

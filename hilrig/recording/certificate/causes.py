@@ -7,12 +7,12 @@ import numpy as np
 from hilrig.recording.certificate.table import Flags, Stamps, StampTable, resume_times
 
 CAUSES = ("driver", "transport", "controller", "unknown")
-"""In the order of their numbers"""
+"""In the order of the cause numbers"""
 DRIVER, TRANSPORT, CONTROLLER, UNKNOWN = range(len(CAUSES))
 LEAST_EXCESS = 0.05
-"""Part of the period; an excess below it causes nothing"""
+"""Fraction of the period; an excess below it is never a cause"""
 RESUME_MARGIN = 0.25
-"""Part of the period within which a resumed process notes that it was resumed"""
+"""Fraction of the period within which a resumed process notes that it was resumed"""
 
 
 def stopped(table: StampTable, start: Stamps, end: Stamps, processes: tuple[int, ...]) -> Stamps:

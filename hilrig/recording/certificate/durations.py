@@ -1,4 +1,4 @@
-"""The durations that the certificate reports, each as one array over the ticks for which it is known."""
+"""The durations that the certificate reports, each as an array over the ticks for which it is known."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from hilrig.recording.certificate.table import NS, Flags, Stamps, StampTable, fi
 
 
 class Terms(NamedTuple):
-    """What the loop was asked to do."""
+    """What the loop was configured to do."""
 
     clock: str
     """"lockstep" or "realtime\""""
     period: float
     """l, s"""
     actuation_delay: int
-    """d: the command of tick k - d is to take effect at tick k"""
+    """d: the command of tick k - d must take effect at tick k"""
 
     @property
     def realtime(self) -> bool:
-        """Whether ticks were due at times of their own."""
+        """Whether each tick had a due time."""
         return self.clock == "realtime"
 
     @property
@@ -32,7 +32,7 @@ class Terms(NamedTuple):
 
 
 def durations(table: StampTable, terms: Terms) -> dict[str, Stamps | None]:
-    """Return durations in ns, by name; None for those that cannot be known.
+    """Return durations in ns, by name; None for those that cannot be determined.
 
     lateness: woke - due, in real time. state_transport: measurement published to received by the controller.
     compute: received to torque known. command_transport: command published to received by the driver. command_age: woke
@@ -55,7 +55,7 @@ def durations(table: StampTable, terms: Terms) -> dict[str, Stamps | None]:
 def command_age(table: StampTable) -> Stamps:
     """Return the age of the command in effect at each tick, (K,) ns: woke of its measurement's tick to applied.
 
-    Ticks before the first command are left out, and those for which the measurement's stamps are missing.
+    Ticks before the first command, and ticks without stamps of the measurement, are left out.
     """
     own = table.driver
     place, known = find(own.tick, own.command)

@@ -34,7 +34,7 @@ def histogram(values: NDArray[np.int64]) -> list[list[int]]:
 
 
 def tail(bins: list[list[int]]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the lower edges (B,) and, exact at these edges, the share of values that are at least so large (B,)."""
+    """Return the lower edges (B,) and the share of values at or above each edge (B,), which is exact there."""
     edges, counts = np.array(bins, dtype=np.int64).reshape(-1, 2).T
     return edges, np.cumsum(counts[::-1])[::-1] / max(int(counts.sum()), 1)
 
@@ -42,7 +42,7 @@ def tail(bins: list[list[int]]) -> tuple[NDArray[np.int64], NDArray[np.float64]]
 def quantiles(values: NDArray[Any]) -> dict[str, float]:
     """Return p50, p99, p99.9 and max of at least one value, by the names in QUANTILES.
 
-    They are of the values themselves, not of their bins: numpy's percentiles, linear between neighbours.
+    They are computed from the values themselves, not from bins: numpy's percentiles, linear between neighbours.
     """
     return dict(zip(QUANTILES, map(float, np.percentile(values, list(QUANTILES.values()))), strict=True))
 

@@ -1,12 +1,12 @@
 """How much of the time from a measurement to the effect of its command each process took.
 
-From due to published the time is the driver's, from received to published the controller's, and the rest is transport.
-The time that a measurement waits for a busy controller goes to the process that made it wait (`waits.py`). A process
-that was stopped (SIGSTOP) and resumed in between took the time, wherever it shows.
+The time from due to published is the driver's, from received to published the controller's, and the rest is transport.
+The time that a measurement waits for a busy controller counts for the process that made it wait (`waits.py`). If a
+process was stopped (SIGSTOP) and resumed in between, the time counts for that process, wherever it shows up.
 
-With one clock all of this is measured. With two, the driver's clock gives the driver's share and the round trip, the
-controller's clock the time it took itself. A measurement then counts as having waited if the controller was busy for
-longer than the ticks are apart, and transport is what remains of the round trip.
+With one clock all of this is measured. With two, the driver's clock gives the driver's share and the round trip, and
+the controller's clock gives its own time. A measurement then counts as having waited if the controller was busy for
+longer than the tick spacing, and transport is the rest of the round trip.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ from hilrig.recording.certificate.waits import busy_between, who_made_wait
 
 
 class Chain(NamedTuple):
-    """The chains that L commands came along, in ns."""
+    """The chains of L commands, from measurement to effect, in ns."""
 
     known: Flags
-    """Whether the record holds enough of the chain, (L,)"""
+    """Whether enough of the chain is recorded, (L,)"""
     due: Stamps
     """When the tick of the measurement was due, (L,)"""
     needed: Stamps
     """When the driver took the newest command it had, (L,)"""
     end: Stamps
-    """When the command came in, as far as that is known; not before `needed`, (L,)"""
+    """When the command came in, if known; not before `needed`, (L,)"""
     shares: Stamps
-    """Of driver, transport and controller, (L, 3)"""
+    """Shares of driver, transport and controller, (L, 3)"""
 
 
 def chains(table: StampTable, terms: Terms, rows: Stamps) -> Chain:
-    """Return the chains of the commands that the ticks at `rows` (L,) of the table were to apply."""
+    """Return the chains of the commands that were due at the ticks in `rows` (L,) of the table."""
     own = table.driver
     at, known = find(own.tick, own.tick[rows] - terms.actuation_delay)
     usual = median(own.applied - own.woke)
     needed = np.minimum(own.applied[rows], own.woke[rows] + usual)
     end, returned = needed, table.returned[at]
     if table.one_clock:
-        # A command that went out too late to be there in time: from then on it took the usual time.
+        # A command that was sent too late to arrive in time: assume the usual time from then on.
         sent = table.answer.published[at] + _usual_return(table)
         end = np.where(table.answered[at] & (returned == 0), np.maximum(end, sent), end)
     end = np.maximum(end, returned)

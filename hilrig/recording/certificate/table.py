@@ -1,7 +1,7 @@
 """The stamps of driver and controller joined by tick: the chain from a measurement to the effect of its command.
 
-Stamps are in CLOCK_MONOTONIC nanoseconds of the host that made them. A duration between stamps of two processes has a
-meaning only if both ran on one host (`one_clock`).
+Stamps are in CLOCK_MONOTONIC nanoseconds of the host that made them. A duration between stamps of two processes is
+meaningful only if both ran on one host (`one_clock`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ NS = 1_000_000_000
 
 
 class DriverStamps(NamedTuple):
-    """One row for each tick, in order; see DriverTiming.msg."""
+    """One row per tick, in order; see DriverTiming.msg."""
 
     tick: Stamps
     due: Stamps
@@ -36,7 +36,7 @@ class DriverStamps(NamedTuple):
 
 
 class ControllerStamps(NamedTuple):
-    """One row for each measurement that the controller received; see ControllerTiming.msg."""
+    """One row per measurement that the controller received; see ControllerTiming.msg."""
 
     tick: Stamps
     waiting: Stamps
@@ -52,7 +52,7 @@ class StampTable(NamedTuple):
     driver: DriverStamps
     """(N,)"""
     answer: ControllerStamps
-    """What the controller did with the measurement of this tick, (N,); zeros where not `answered`"""
+    """The controller's stamps for the measurement of this tick, (N,); zeros where not `answered`"""
     answered: Flags
     """Whether the controller received the measurement of this tick"""
     returned: Stamps
@@ -68,8 +68,8 @@ class StampTable(NamedTuple):
 def join(driver: StampColumns | None, controller: StampColumns | None, one_clock: bool = True) -> StampTable:
     """Return the stamps of both processes by tick.
 
-    Rows may be missing on either side, in any pattern: a tick without a row of the driver is not in the table, and one
-    that the controller never saw is not `answered`.
+    Rows may be missing on either side, in any pattern: a tick without a driver row is not in the table, and one that
+    the controller never saw is not `answered`.
     """
     own = DriverStamps(*_rows(driver, DriverStamps._fields))
     other = ControllerStamps(*_rows(controller, ControllerStamps._fields))

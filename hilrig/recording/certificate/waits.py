@@ -1,4 +1,4 @@
-"""Measurements that waited for a busy controller, and which process made them wait. One clock."""
+"""Measurements that waited for a busy controller, and which process made them wait. Needs one common clock."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def busy_between(answers: ControllerStamps, start: Stamps, end: Stamps) -> Stamp
 def who_made_wait(table: StampTable, terms: Terms) -> Stamps:
     """Return for each answer, in order of reception, which process kept the controller busy until then, (M,).
 
-    That is the controller if the answer before took it longer than usual. Otherwise it is what delayed the measurement
-    before: a driver that published it late, its transport, or another wait. If nothing did, it is the controller, which
-    is too slow.
+    That is the controller if its previous answer took longer than usual. Otherwise it is whatever delayed the previous
+    measurement: a driver that published it late, its transport, or another wait. If nothing did, the controller is too
+    slow.
     """
     answers, least = table.answers, round(LEAST_EXCESS * terms.period_ns)
     count = answers.tick.size

@@ -1,7 +1,7 @@
-"""ROS 2 message definitions, and the layout of their bytes: one numpy dtype for each message.
+"""ROS 2 message definitions and their byte layout: one numpy dtype for each message.
 
-A definition fixes the fields and their types. The lengths of its sequences are fixed for a trial, so that all messages
-of a channel have one size and one layout. That layout is a structured dtype over the whole message: the CDR header, the
+A definition fixes the fields and their types. The lengths of its sequences are fixed for a trial, so all messages of a
+channel have the same size and layout. That layout is a structured dtype over the whole message: the CDR header, the
 length of each sequence, and the values. The bytes are what any ROS 2 serialiser writes (little-endian CDR).
 """
 
@@ -20,13 +20,13 @@ PACKAGE = "hilrig_msgs"
 ROS_TYPES = {name: np.dtype(name).newbyteorder("<") for name in ("float64", "int64", "uint64")}
 """ROS type -> numpy type. All take eight bytes: the length of a sequence never needs padding before it."""
 HEADER = "CDR header"
-"""Name of the first four bytes in a message's dtype; no field of a definition can have a space in its name"""
+"""Name of the first four bytes in a message's dtype; no field of a definition can contain a space"""
 CDR_HEADER = b"\x00\x01\x00\x00"
 """Little-endian CDR"""
 LEAD = bytes(4)
-"""Bytes to put before a message in memory: then all its values are aligned, as compiled kernels need them"""
+"""Bytes to put before a message in memory, so that all its values are aligned, as compiled kernels require"""
 TICK = slice(4, 12)
-"""Bytes of a message's first field, which is the tick in all of them: uint64, little-endian"""
+"""Bytes of a message's first field, which is always the tick: uint64, little-endian"""
 
 _UINT32 = np.dtype("<u4")
 _FIELD = re.compile(r"^(?P<type>\w+)(?P<array>\[(?P<size>\d*)\])?\s+(?P<name>\w+)\s*(?:#.*)?$")
@@ -49,7 +49,7 @@ class Definition(NamedTuple):
 
 
 def parse_definition(name: str, text: str) -> Definition:
-    """Return the definition with this text. Raises ValueError, with the line, for a type that is not in TYPES."""
+    """Return the definition with this text. Raises ValueError with the line for a type that is not in TYPES."""
     fields: list[Field] = []
     for line in text.splitlines():
         if not line.strip() or line.lstrip().startswith("#"):
@@ -70,16 +70,16 @@ def definition(name: str) -> Definition:
 
 
 def extended(base: Definition, arrays: Mapping[str, int]) -> Definition:
-    """Return `base` with float64 arrays of these lengths after its own fields."""
+    """Return `base` with float64 arrays of these lengths appended to its fields."""
     lines = "".join(f"float64[{size}] {name}\n" for name, size in arrays.items())
     return parse_definition(base.name.rsplit("/", 1)[1], base.text + lines)
 
 
 def message_dtype(definition: Definition, length: Callable[[str, int], int]) -> np.dtype[Any]:
-    """Return the layout of a message: its header, and its fields, each sequence with its length before it.
+    """Return the layout of a message: the header and the fields, each sequence preceded by its length.
 
-    `length` takes a sequence's name and the offset of its length in the message, and returns how long it is. CDR aligns
-    a number to its own size, counted from the end of the header; an empty sequence has no number to align.
+    `length` takes a sequence's name and the offset of its length in the message, and returns that length. CDR aligns a
+    number to its own size, counted from the end of the header; an empty sequence has no number to align.
     """
     layout: dict[str, tuple[np.dtype[Any], int]] = {HEADER: (_UINT32, 0)}
     end = _UINT32.itemsize
@@ -99,7 +99,7 @@ def message_dtype(definition: Definition, length: Callable[[str, int], int]) -> 
 
 
 def sizes_in(definition: Definition, payload: bytes) -> dict[str, int]:
-    """Return the lengths of the sequences in one message, as the message itself gives them."""
+    """Return the lengths of the sequences in one message, as stored in the message."""
     sizes: dict[str, int] = {}
 
     def read(name: str, offset: int) -> int:
@@ -111,7 +111,7 @@ def sizes_in(definition: Definition, payload: bytes) -> dict[str, int]:
 
 
 def _length_of(sequence: str) -> str:
-    """Return the name that the length of a sequence has in a message's dtype."""
+    """Return the name of a sequence's length in a message's dtype."""
     return f"length of {sequence}"
 
 
@@ -141,7 +141,7 @@ class Codec:
 
         Raises ValueError if a length does not fit.
         """
-        # A copy of the bytes, for numpy copies a structure by field and leaves the bytes between fields unset.
+        # Copy the bytes: numpy copies a structure by field and leaves the bytes between fields unset.
         memory = bytearray(self._zero)
         message = np.ndarray((), self.dtype, memory)
         for name, shape, value in zip(self.names, self._shapes, values, strict=True):
@@ -156,7 +156,7 @@ class Codec:
         return self._zero
 
     def unpack(self, payload: bytes) -> list[Any]:
-        """Return the values in order: Python's numbers, and arrays that are the caller's own.
+        """Return the values in order: Python numbers, and arrays that belong to the caller.
 
         Raises ValueError if the payload has another size or encoding.
         """
@@ -193,5 +193,5 @@ class Codec:
         return {name: np.ascontiguousarray(table[name]) for name in self.names}
 
     def wrong_size(self, size: int) -> ValueError:
-        """Return the error to raise for a message of so many bytes."""
+        """Return the error to raise for a message of this many bytes."""
         return ValueError(f"{self.definition.name}: a message of {size} bytes, expected {self.size}")

@@ -1,4 +1,4 @@
-"""The channels of a trial and the codec of each. A channel has one message a tick, and all of them have one size."""
+"""The channels of a trial and their codecs. A channel has one message per tick, and all have the same size."""
 
 from __future__ import annotations
 

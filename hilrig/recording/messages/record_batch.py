@@ -1,6 +1,6 @@
 """Many messages of one channel in one array: written by field, sent by row, recorded together.
 
-Compiled kernels write straight into the messages, so that no tick packs anything.
+Compiled kernels write directly into the messages, so no tick has to pack anything.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from hilrig.recording.messages.codec import LEAD, Codec
 
 WORD = 8
-"""Bytes of a number. Each row takes whole words, so that the numbers of every row are aligned."""
+"""Bytes of a number. Each row is a whole number of words, so that the numbers in every row are aligned."""
 
 
 class RecordBatch:
@@ -35,9 +35,9 @@ class RecordBatch:
         self._values = messages[codec.names]
 
     def words(self, first: int) -> NDArray[np.float64]:
-        """Return everything from the field with index `first` on as one array of float64, (rows, words).
+        """Return all fields from index `first` on as one float64 array, (rows, words).
 
-        These fields must be arrays of float64 of fixed length, which follow each other without a gap.
+        These fields must be float64 arrays of fixed length without gaps between them.
         """
         count = sum(math.prod(field.shape[1:]) for field in self.fields[first:])
         return self._words[:, self._words.shape[1] - count :]
@@ -54,7 +54,7 @@ class RecordBatch:
             raise self._codec.wrong_size(len(payload)) from None
 
     def write(self, rows: Sequence[tuple[float, ...]]) -> None:
-        """Write messages into the first rows, each as a tuple of its values, all numbers.
+        """Write messages into the first rows, each given as a tuple of numbers.
 
         Raises ValueError or OverflowError if one does not fit.
         """
@@ -62,6 +62,6 @@ class RecordBatch:
 
     @cached_property
     def _messages(self) -> list[memoryview]:
-        """The bytes of each row; made when they are first asked for, for a compiled loop has no need of them."""
+        """The bytes of each row, created at first use because a compiled loop does not need them."""
         memory = self._words.reshape(-1).view(np.uint8).data
         return [memory[end - self._codec.size : end] for end in self._ends]

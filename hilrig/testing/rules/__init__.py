@@ -1,4 +1,4 @@
-"""The rules, one group a file; of drivers two."""
+"""The rules, one file per group; two for drivers."""
 
 from importlib import import_module
 
@@ -6,6 +6,6 @@ FILES = ("every_kind", "controllers", "references", "disturbances", "robots", "d
 
 
 def register_all() -> None:
-    """Import every file of rules; to import one is to register its rules."""
+    """Import every file of rules, which registers them."""
     for name in FILES:
         import_module(f"{__name__}.{name}")

@@ -1,4 +1,4 @@
-"""What controllers keep: a law takes its dimensions from the task, and its memory is all that it remembers."""
+"""Rules for controllers: a law takes its dimensions from the task, and its memory holds everything it remembers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hilrig.testing.scenario import Scenario, arrays, scenario, step
 from hilrig.testing.subject import parameters
 
 MANY = 30
-"""Ticks after which a law's memory has something in it"""
+"""Ticks after which a law's memory is no longer empty"""
 
 
 @rule("controllers")
@@ -50,14 +50,14 @@ def torque_is_one_finite_number_for_each_joint(controller: Controller) -> None:
         torque = law.step(law.parameters, law.memory, *tick)
         require(isinstance(torque, np.ndarray), f"it returned a {type(torque).__name__} at tick {k}")
         wanted = (tick.state.joint_position.size,)
-        require(torque.shape == wanted, f"at tick {k} it returned an array {torque.shape} in place of {wanted}")
+        require(torque.shape == wanted, f"at tick {k} it returned an array {torque.shape} instead of {wanted}")
         require(torque.dtype == np.float64, f"at tick {k} it returned an array of {torque.dtype}")
         require(np.isfinite(torque).all(), "at tick {} it returned {}", k, torque)
 
 
 @rule("controllers")
 def memory_can_be_recorded(controller: Controller) -> None:
-    """The memory must be a NamedTuple of float64 arrays, under names that the record has no other use for."""
+    """The memory must be a NamedTuple of float64 arrays, with names that the record does not use otherwise."""
     law, given = _begun(controller)
     try:
         memory_sizes(law.memory, "")
@@ -70,7 +70,7 @@ def memory_can_be_recorded(controller: Controller) -> None:
 
 @rule("controllers")
 def memory_fields_are_arrays_of_their_own(controller: Controller) -> None:
-    """Each field of the memory must be an array of its own, new for each law."""
+    """Each field of the memory must be a separate array, new for each law."""
     given = _scenario(controller)
     one, two = (controller.start(*_task_and_state(given)) for _ in range(2))
     fields = list(_memory(one).items())
@@ -84,20 +84,20 @@ def memory_fields_are_arrays_of_their_own(controller: Controller) -> None:
 
 @rule("controllers")
 def memory_is_written_in_place(controller: Controller) -> None:
-    """`step` must write what it remembers into the arrays of the memory that it is given."""
+    """`step` must write what it remembers into the arrays of the given memory."""
     law, given = _begun(controller)
     before = {name: array.copy() for name, array in _memory(law).items()}
     for tick in given.ticks:
         step(law, tick)
     changed = [name for name, array in _memory(law).items() if not same(array, before[name])]
-    require(changed or not before, f"after {len(given.ticks)} ticks all of it is as it was at the start")
+    require(changed or not before, f"after {len(given.ticks)} ticks all of it is unchanged since the start")
 
 
 @rule("controllers")
 def memory_is_all_that_a_law_remembers(controller: Controller) -> None:
-    """A law must remember nothing outside of its memory: the record shows all of it.
+    """A law must remember nothing outside its memory: the record shows all of it.
 
-    A second law that is given the memory of the first must go on as the first does.
+    A second law with the memory of the first must continue as the first does.
     """
     first, given = _begun(controller)
     for tick in given.ticks[:MANY]:
@@ -140,7 +140,7 @@ def step_only_reads_what_it_is_given(controller: Controller) -> None:
 
 @rule("controllers")
 def a_law_copies_what_it_keeps(controller: Controller) -> None:
-    """A law must copy what it keeps of the state and the reference: their arrays are written anew at every tick."""
+    """A law must copy what it keeps from the state and the reference: their arrays are overwritten at every tick."""
     law, given = _begun(controller)
     expected = [step(law, tick) for tick in given.ticks]
     again = _scenario(controller)
@@ -150,7 +150,7 @@ def a_law_copies_what_it_keeps(controller: Controller) -> None:
         torque = step(law, tick)
         require(
             same(torque, expected[k]),
-            "at tick {}, in arrays used before, it gave {} N m in place of {}",
+            "at tick {}, in arrays used before, it gave {} N m instead of {}",
             k,
             torque,
             expected[k],
@@ -159,9 +159,9 @@ def a_law_copies_what_it_keeps(controller: Controller) -> None:
 
 @rule("controllers")
 def the_same_run_twice_gives_the_same_bits(controller: Controller) -> None:
-    """The same states must give the same torques, to the last bit, whenever and wherever they come.
+    """The same states must give the same torques, to the last bit, in every run.
 
-    NumPy's global generator is in another state at each run.
+    NumPy's global generator has a different state in each run.
     """
     runs: list[list[Array]] = []
     for seed in (1, 2):
@@ -174,7 +174,7 @@ def the_same_run_twice_gives_the_same_bits(controller: Controller) -> None:
 
 @rule("controllers")
 def two_laws_share_nothing(controller: Controller) -> None:
-    """Two laws of one controller must not influence each other: a trial learns nothing from another."""
+    """Two laws of one controller must not influence each other: trials are independent."""
     alone, given = _begun(controller)
     expected = [step(alone, tick) for tick in given.ticks]
     one, mine = _begun(controller)
@@ -184,7 +184,7 @@ def two_laws_share_nothing(controller: Controller) -> None:
         step(two, other.ticks[-1 - k])
         require(
             same(torque, expected[k]),
-            "at tick {}, with another law at work, it gave {} N m in place of {}",
+            "at tick {}, with another law at work, it gave {} N m instead of {}",
             k,
             torque,
             expected[k],
@@ -231,7 +231,7 @@ def _scenario(controller: Controller) -> Scenario:
             refusals.append(f"{m} axes: {error}")
         else:
             return given
-    raise Broken(f"it starts on no number of axes ({'; '.join(refusals)})")
+    raise Broken(f"it does not start on any number of axes ({'; '.join(refusals)})")
 
 
 def _begun(controller: Controller) -> tuple[Law, Scenario]:
@@ -249,7 +249,7 @@ def _task_and_state(given: Scenario) -> tuple[Any, Any]:
 
 
 def _require_unchanged(given: Scenario, untouched: Scenario, tick: int = 0) -> None:
-    """Raise Broken if anything of the task, or of what is given at a tick, has changed."""
+    """Raise Broken if anything in the task, or in the inputs of a tick, has changed."""
     pairs = {
         "task": (given.task, untouched.task), "task.impedance": (given.task.impedance, untouched.task.impedance),
         "state": (given.ticks[tick].state, untouched.ticks[tick].state),

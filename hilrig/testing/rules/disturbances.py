@@ -1,4 +1,4 @@
-"""What disturbances keep: each adds itself to what it says, by its own generator alone."""
+"""Rules for disturbances: each acts only on what it names, with only its own generator."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FIELDS = tuple(named(applied()))
 def acts_on_names_fields_of_the_schedule(subject: Subject) -> None:
     """`acts_on` must name fields of the DisturbanceSchedule."""
     acts_on = subject.cls.acts_on  # pyright: ignore[reportAttributeAccessIssue]
-    require(isinstance(acts_on, tuple) and acts_on, f"it is {acts_on!r}, which is no tuple of names")
+    require(isinstance(acts_on, tuple) and acts_on, f"it is {acts_on!r}, which is not a tuple of names")
     unknown = sorted(set(acts_on) - set(FIELDS))
     require(not unknown, f"it names {', '.join(unknown)} (fields: {', '.join(FIELDS)})")
 
@@ -33,10 +33,10 @@ def it_changes_what_it_acts_on_and_nothing_else(subject: Subject) -> None:
         fields = set(disturbed_ticks(applied(variant)))
         more = fields - acts_on
         require(not more, f"{variant!r} changes {', '.join(sorted(more))}, which `acts_on` does not name")
-        require(fields, f"{variant!r} changes nothing; give the test values with which it does")
+        require(fields, f"{variant!r} changes nothing; give the test values that have an effect")
         touched |= fields
     left = acts_on - touched
-    require(not left, f"it never changes {', '.join(sorted(left))}; give the test values with which it does")
+    require(not left, f"it never changes {', '.join(sorted(left))}; give the test values that have an effect")
 
 
 @rule("disturbances")
@@ -50,20 +50,20 @@ def what_it_puts_in_is_finite(disturbance: Disturbance) -> None:
 def the_same_seed_is_the_same_world(disturbance: Disturbance) -> None:
     """The same seed must give the same disturbance, and NumPy's global generator must not matter.
 
-    Every controller meets the same world, so that their differences are paired.
+    Every controller meets the same disturbances, so that differences are paired.
     """
     np.random.seed(1)
     first = named(applied(disturbance))
     np.random.seed(2)
     for name, part in named(applied(disturbance)).items():
-        require(same(part, first[name]), f"{name} was another one the second time")
+        require(same(part, first[name]), f"{name} was different the second time")
 
 
 @rule("disturbances")
 def it_adds_to_what_is_there(disturbance: Disturbance) -> None:
     """A disturbance must add itself to what others have put into the schedule, and multiply scales.
 
-    But a message can be lost only once.
+    A message, however, can be lost only once.
     """
     alone, both = named(applied(disturbance)), named(_crowded(disturbance))
     for name, before in named(_crowded()).items():
@@ -71,18 +71,18 @@ def it_adds_to_what_is_there(disturbance: Disturbance) -> None:
         if name.endswith("_loss"):
             expected = np.maximum(before, alone[name])
         agrees = np.allclose(both[name], expected, rtol=1e-9, atol=1e-12)
-        require(agrees, f"{name} is not what was there and what it gives alone, taken together")
+        require(agrees, f"{name} is not what was there combined with what it gives alone")
 
 
 @rule("disturbances")
 def it_lasts_from_at_to_until(disturbance: Any) -> None:
-    """A disturbance with `at` and `until` must be there from the one to the other, and at no other time."""
+    """A disturbance with `at` and `until` must act from `at` to `until`, and at no other time."""
     if not (hasattr(disturbance, "at") and hasattr(disturbance, "until")):
         return
     windowed = dataclasses.replace(disturbance, at=1.0, until=2.0)
     for name, ticks in disturbed_ticks(applied(windowed)).items():
         first, last = TIME[ticks[0]], TIME[ticks[-1]]
-        # A sine begins, and may end, at zero.
+        # A sine begins at zero, and may end there.
         right = 1000 <= ticks[0] <= 1002 and 1997 <= ticks[-1] < 2000
         require(right, f"at = 1 s, until = 2 s changed {name} from {first:g} s to {last:g} s")
 

@@ -1,4 +1,4 @@
-"""What drivers keep: what they say, and how they are called. A test moves simulated plants alone, and no robot."""
+"""Rules for drivers: what they declare, and how they are called. Tests move only simulated plants, never a robot."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from hilrig.testing.scenario import arrays
 INPUTS = tuple(name for name in DisturbanceSchedule._fields if name.startswith("plant_"))
 CLOCKS = ("lockstep", "realtime")
 REST = 0.05
-"""s in which nobody calls the plant"""
+"""s without a call to the plant"""
 
 
 @rule("drivers")
 def capabilities_are_of_the_known_words(driver: Driver) -> None:
-    """The capabilities must name clocks and plant disturbances that there are."""
+    """The capabilities must name existing clocks and plant disturbances."""
     clocks, disturbances, simulated = driver.capabilities
     require(clocks and set(clocks) <= set(CLOCKS), f"its clocks are {clocks!r} (known: {', '.join(CLOCKS)})")
     unknown = sorted(set(disturbances) - set(INPUTS))
@@ -43,7 +43,7 @@ def capabilities_are_of_the_known_words(driver: Driver) -> None:
 
 @rule("drivers")
 def it_says_what_it_drives(driver: Driver) -> None:
-    """A driver must have a robot that is a kind, the place of its surface in m, and a servo gain or None."""
+    """A driver must have a robot that is a kind, the position of its surface in m, and a servo gain or None."""
     try:
         group, _ = name_of(type(driver.robot))
     except PluginError as error:
@@ -69,7 +69,7 @@ def measurements_have_their_shapes(driver: Driver) -> None:
 
 @rule("drivers")
 def it_begins_at_rest_where_it_is_told(driver: Driver) -> None:
-    """A trial must begin at rest at the joint position that `begin` is given, whatever becomes of that array."""
+    """A trial must begin at rest at the joint position that `begin` is given, even if that array changes later."""
     wanted = pose(driver, CLEAR)
     require_simulated(driver)
     start = TrialStart(PERIOD, wanted.copy())
@@ -77,7 +77,7 @@ def it_begins_at_rest_where_it_is_told(driver: Driver) -> None:
     try:
         start.joint_position[...] = np.nan
         q = plant.measure(still(driver.robot)).joint_position
-        require(np.allclose(q, wanted, atol=1e-6), "it began at {} rad in place of {}", q, wanted)
+        require(np.allclose(q, wanted, atol=1e-6), "it began at {} rad instead of {}", q, wanted)
         truth = plant.truth(still(driver.robot))
         rate = truth.joint_velocity if truth else np.zeros(1)
         require(np.abs(rate).max() < 1e-9, "it began with q' = {} rad/s", rate)
@@ -87,7 +87,7 @@ def it_begins_at_rest_where_it_is_told(driver: Driver) -> None:
 
 @rule("drivers")
 def only_advance_moves_the_plant(driver: Driver) -> None:
-    """Nothing but `advance` may move the plant or change what is measured: not measuring, not holding, not waiting."""
+    """Only `advance` may move the plant or change what is measured: not measuring, holding or waiting."""
     with begun(driver) as plant:
         swing(driver, plant)
         before = _seen(driver, plant)
@@ -99,7 +99,7 @@ def only_advance_moves_the_plant(driver: Driver) -> None:
 
 @rule("drivers")
 def what_was_measured_stays_as_it_was(driver: Driver) -> None:
-    """The arrays of a measurement, of the truth and of the holding command must not change when the plant goes on."""
+    """The arrays of a measurement, of the truth and of the holding command must not change when the plant moves on."""
     with begun(driver) as plant:
         parts = _seen(driver, plant) | {f"hold.{name}": array for name, array in arrays(plant.hold())}
         copies = {name: np.copy(part) for name, part in parts.items()}
@@ -111,7 +111,7 @@ def what_was_measured_stays_as_it_was(driver: Driver) -> None:
 
 @rule("drivers")
 def commands_and_disturbances_are_only_read(driver: Driver) -> None:
-    """A plant must only read commands and disturbances, and copy what it keeps of them."""
+    """A plant must only read commands and disturbances, and copy what it keeps."""
     robot, n = driver.robot, driver.robot.joints
     with begun(driver) as plant:
         torque, position = np.linspace(1.0, 2.0, n), pose(driver, DEPTH)
@@ -129,7 +129,7 @@ def commands_and_disturbances_are_only_read(driver: Driver) -> None:
 
 @rule("drivers")
 def the_same_commands_give_the_same_bits(driver: Driver) -> None:
-    """The same commands must give the same measurements, to the last bit, also beside another plant."""
+    """The same commands must give the same measurements, to the last bit, also next to another plant."""
     with begun(driver) as first:
         alone = _trace(driver, first)
     with begun(driver) as second, begun(driver, CLEAR) as other:
@@ -140,7 +140,7 @@ def the_same_commands_give_the_same_bits(driver: Driver) -> None:
 
 @rule("drivers")
 def close_may_come_at_any_time(driver: Driver) -> None:
-    """`close` must do no harm right after `begin`, nor when it is called again."""
+    """`close` must do no harm right after `begin`, or when it is called again."""
     require_simulated(driver)
     start = TrialStart(PERIOD, pose(driver, CLEAR))
     for begun_only in (True, False):
@@ -155,7 +155,7 @@ def close_may_come_at_any_time(driver: Driver) -> None:
 
 @rule("drivers")
 def kernels_do_the_same(driver: Driver) -> None:
-    """The kernels of a plant that offers some must do what its methods do, to the last bit."""
+    """The kernels of a plant, if it offers any, must do what its methods do, to the last bit."""
     with begun(driver) as plain, begun(driver) as compiled:
         if not hasattr(compiled, "kernels"):
             return
@@ -168,7 +168,7 @@ def kernels_do_the_same(driver: Driver) -> None:
             for got, expected in ((room.measurement, seen), (room.truth, true)):
                 for name, wanted in arrays(expected) if expected else ():
                     array = getattr(got, name)
-                    require(same(array, wanted), "at tick {} {} is {} in place of {}", k, name, array, wanted)
+                    require(same(array, wanted), "at tick {} {} is {} instead of {}", k, name, array, wanted)
             require(true is None or surface == true.surface_position, f"the surface is at {surface:g} m")
             command = swinging(driver, plain, k)
             plain.advance(command, disturbance)
@@ -187,7 +187,7 @@ def pictures_are_of_the_size_asked_for(driver: Any) -> None:
 
 
 def _trace(driver: Driver, plant: Plant, other: Plant | None = None, ticks: int = 60) -> list[Array]:
-    """Return q after each period of a swing; another plant swings beside it."""
+    """Return q after each period of a swing, while another plant swings too."""
     seen: list[Array] = []
     for k in range(ticks):
         plant.advance(swinging(driver, plant, k), still(driver.robot))
@@ -198,7 +198,7 @@ def _trace(driver: Driver, plant: Plant, other: Plant | None = None, ticks: int 
 
 
 def _seen(driver: Driver, plant: Plant) -> dict[str, Array]:
-    """Return the arrays of what is measured and, where it is known, of the truth, by name."""
+    """Return the arrays of the measurement and, if known, of the truth, by name."""
     quiet = still(driver.robot)
     seen, true = plant.measure(quiet), plant.truth(quiet)
     named = {f"measure().{name}": array for name, array in arrays(seen)}
@@ -208,11 +208,11 @@ def _seen(driver: Driver, plant: Plant) -> dict[str, Array]:
 
 def _require_equal(before: dict[str, Array], now: dict[str, Array], when: str) -> None:
     for name, array in now.items():
-        require(same(array, before[name]), "{} {} was {} in place of {}", when, name, array, before[name])
+        require(same(array, before[name]), "{} {} was {} instead of {}", when, name, array, before[name])
 
 
 def _check_array(name: str, array: Any, shape: tuple[int, ...]) -> None:
     require(isinstance(array, np.ndarray), f"its {name} is a {type(array).__name__}")
-    require(array.shape == shape, f"its {name} is an array {array.shape} in place of {shape}")
+    require(array.shape == shape, f"its {name} is an array {array.shape} instead of {shape}")
     require(array.dtype == np.float64, f"its {name} is an array of {array.dtype}")
     require(np.isfinite(array).all(), "its {} is {}", name, array)

@@ -1,4 +1,4 @@
-"""What kinds of every group keep: parameters that people, files and plans can hold."""
+"""Rules for kinds of every group: parameters that people, files and plans can handle."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from hilrig.testing.subject import Subject, parameters
 def says_what_it_is(subject: Subject) -> None:
     """The file and the class must have a docstring.
 
-    `hilrig kinds` shows the first line of the file's in its list, and the class's, with the equation, for one kind.
+    `hilrig kinds` lists the first line of the file's docstring, and shows the class's, with the equation, for one kind.
     """
     module, cls = inspect.getmodule(subject.cls), subject.cls
     require(inspect.getdoc(module), "the file has none")
@@ -32,11 +32,11 @@ def says_what_it_is(subject: Subject) -> None:
 
 @rule(*GROUPS, whole=True)
 def parameters_have_a_unit_a_meaning_and_bounds(subject: Subject) -> None:
-    """Every number among the parameters must say its unit, its meaning and its bounds in a Parameter."""
+    """Every number among the parameters must state its unit, meaning and bounds in a Parameter."""
     for name, (_, parameter) in parameters(subject.cls).items():
         values = [value for variant in subject.variants for value in _numbers(getattr(variant, name))]
         if not values:
-            continue  # words, yes or no, a part with parameters of its own, or nothing
+            continue  # words, yes or no, a part with its own parameters, or nothing
         if parameter is None:
             raise Broken(f"'{name}' has none: annotate it as Annotated[float, Parameter(unit, meaning, low, high)]")
         require(parameter.meaning, f"the Parameter of '{name}' has no meaning")
@@ -85,7 +85,7 @@ def parameters_can_be_read_from_an_experiment(kind: Any) -> None:
 def can_be_written_into_a_plan_and_read_back(kind: Any) -> None:
     """What is written into a run's plan must give an equal kind when it is read back.
 
-    Each process of a trial makes its kinds from the plan.
+    Each process of a trial creates its kinds from the plan.
     """
     again = restore(name_of(type(kind))[0], json.loads(json.dumps(dump(kind))))
     require(again == kind, f"{kind!r} came back as {again!r}")
@@ -95,14 +95,14 @@ def can_be_written_into_a_plan_and_read_back(kind: Any) -> None:
 def every_parameter_has_a_default(subject: Subject) -> None:
     """Every parameter of a metric must have a default.
 
-    A report measures with all metrics that are installed, and asks nobody.
+    A report uses all installed metrics without asking for parameters.
     """
     needed = [f.name for f in dataclasses.fields(subject.cls) if f.default is f.default_factory is dataclasses.MISSING]
     require(not needed, f"{', '.join(needed)} has none")
 
 
 def _numbers(value: Any) -> list[float]:
-    """Return the numbers that a parameter's value consists of."""
+    """Return the numbers in a parameter's value."""
     parts = value if isinstance(value, tuple) else (value,)
     return [part for part in parts if isinstance(part, (int, float)) and not isinstance(part, bool)]
 

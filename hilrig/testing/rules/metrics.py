@@ -1,4 +1,4 @@
-"""What metrics keep: numbers by axis, lower is better, on whatever record there is."""
+"""Rules for metrics: numbers by axis, lower is better, on any record."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from hilrig.testing.rule import noting, require, rule, same
 from hilrig.testing.subject import Subject
 
 GAP = slice(480, 580)
-"""Ticks that nobody recorded: 5 % of a record"""
+"""Unrecorded ticks: 5 % of a record"""
 GAP_MATTERS = 0.2
-"""How much the value of a record with that gap may differ from that of the whole one"""
+"""How much the value of a record with that gap may differ from that of the complete record"""
 
 
 @rule("metrics", whole=True)
@@ -54,7 +54,7 @@ def lower_is_better(metric: Metric) -> None:
 def a_record_of_few_ticks_is_no_error(metric: Metric) -> None:
     """A phase with one tick, a few, or none must not be an error: a trial may trip at once.
 
-    No value, or one that is not a number, says that there is nothing to measure.
+    No value, or NaN, means that there is nothing to measure.
     """
     for ticks in (3, 2, 1, 0):
         _measured(metric, rows(flawed(), slice(0, ticks)), f"with {ticks} ticks")
@@ -62,9 +62,9 @@ def a_record_of_few_ticks_is_no_error(metric: Metric) -> None:
 
 @rule("metrics")
 def a_gap_is_not_a_jump(metric: Metric) -> None:
-    """Ticks that are missing in the record must not pass for something that happened.
+    """Ticks missing from the record must not look like an event.
 
-    A gap of 5 % of the ticks may change the value by a fifth at most. `record.tick` and `record.time` show gaps.
+    A gap of 5 % of the ticks may change the value by at most a fifth. `record.tick` and `record.time` show gaps.
     """
     whole, mask = flawed(), np.ones(2000, dtype=bool)
     mask[GAP] = False
@@ -72,12 +72,12 @@ def a_gap_is_not_a_jump(metric: Metric) -> None:
     for axis, value in full.items():
         there = gappy.get(axis, np.nan)
         near = abs(there - value) <= GAP_MATTERS * abs(value)
-        require(near or value == 0, f"with a gap the value for '{axis}' is {there:.6g} in place of {value:.6g}")
+        require(near or value == 0, f"with a gap the value for '{axis}' is {there:.6g} instead of {value:.6g}")
 
 
 @rule("metrics")
 def any_task_can_be_measured(metric: Metric) -> None:
-    """A record of one axis or three, all of them controlled in one way, or over several phases must not be an error."""
+    """A record with one axis or three, with all axes controlled alike, or over several phases must not be an error."""
     for axes, where in ((("z",), "on one axis"), (("x", "y", "z"), "on three axes")):
         _measured(metric, flawed(axes=axes, joints=7), where)
     for way, sigma in (("position", np.ones(2)), ("force", np.zeros(2))):
@@ -96,7 +96,7 @@ def the_record_is_only_read(metric: Metric) -> None:
 
 
 def _measured(metric: Metric, record: PhaseRecord, where: str = "") -> dict[str, float]:
-    """Return what a metric says. Raises Broken if it raises, or returns anything but floats by axis."""
+    """Return a metric's result. Raises Broken if it raises, or returns anything but floats by axis."""
     place = f"{where} " if where else ""
     with noting(where) if where else nullcontext():
         values: Any = metric.measure(record)

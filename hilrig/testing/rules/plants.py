@@ -1,4 +1,4 @@
-"""What drivers keep: a simulated plant moves, is held, is disturbed and is measured as its interface says."""
+"""Rules for drivers: a simulated plant moves, holds, responds to disturbances and measures as its interface says."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hilrig.testing.rule import NotApplicableError, require, rule
 from hilrig.testing.subject import Subject
 
 HELD = 1e-5
-"""rad that a plant may move in 100 ms of being held"""
+"""rad that a plant may move while it is held for 100 ms"""
 
 
 @rule("drivers")
@@ -23,7 +23,7 @@ def advance_moves_the_plant(driver: Driver) -> None:
 
 @rule("drivers")
 def hold_keeps_the_plant_where_it_is(driver: Driver) -> None:
-    """`hold` must return the command that keeps the plant where it is, in the air and in contact."""
+    """`hold` must return the command that keeps the plant in place, in the air and in contact."""
     for where, depth in (("in the air", CLEAR), ("in contact", DEPTH)):
         with begun(driver, depth) as plant:
             hold, before = plant.hold(), plant.measure(still(driver.robot)).joint_position.copy()
@@ -47,7 +47,7 @@ def applied_torque_is_what_the_motors_gave(driver: Driver) -> None:
 
 @rule("drivers")
 def the_torque_at_the_start_is_what_holds_the_plant(driver: Driver) -> None:
-    """Before the first command the applied torque must be the one that holds the plant."""
+    """Before the first command, the applied torque must be the one that holds the plant."""
     if driver.servo_gain is not None:
         return
     with begun(driver) as plant:
@@ -80,10 +80,10 @@ def a_surface_that_is_pressed_pushes_back(driver: Driver) -> None:
 
 @rule("drivers", whole=True)
 def every_disturbance_it_declares_acts(subject: Subject) -> None:
-    """Each disturbance among the capabilities must move the plant its way.
+    """Each disturbance in the capabilities must move the plant in its direction.
 
-    The robot gives way to a tip force, which adds to F_e, to a surface that comes, and to a stiffer one; more friction
-    leaves it less far along the first axis. A scale shows nothing where the defaults have no friction.
+    The robot yields to a tip force, which adds to F_e, to an approaching surface, and to a stiffer one; with more
+    friction it moves less along the first axis. A scale has no effect if the defaults have no friction.
     """
     driver: Driver = subject.variants[0]
     with begun(driver) as plant:
@@ -96,7 +96,7 @@ def every_disturbance_it_declares_acts(subject: Subject) -> None:
         if not moved.any() and name.endswith("_scale") and not subject.given:
             silent.append(name)
             continue
-        require(moved.any(), f"{name} changes nothing; give the test values with which it does")
+        require(moved.any(), f"{name} changes nothing; give the test values that have an effect")
         wrong = moved @ _against(driver, name) >= 0
         require(not wrong, "{} moves the tip by {} m, which is the wrong way", name, moved)
     if silent:
@@ -126,7 +126,7 @@ def _against(driver: Driver, name: str) -> Array:
 
 
 def _pushed_from_outside(driver: Driver) -> PlantDisturbance:
-    """Return a tip force and a surface that came nearer, as far as the driver can apply them."""
+    """Return a tip force and a surface that moved closer, as far as the driver can apply them."""
     names = [name for name in ("plant_tip_force", "plant_surface_offset") if name in driver.capabilities.disturbances]
     fields = [name.removeprefix("plant_") for name in names]
     applied = {field: getattr(disturbed(driver.robot, f"plant_{field}"), field) for field in fields}

@@ -1,4 +1,4 @@
-"""What references keep: three arrays that are a signal and its first two derivatives."""
+"""Rules for references: three arrays, which are a signal and its first two derivatives."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SPAN = Span(2.0, 6.0, 0.3)
 STEP = 1e-5
 """s between the times of a central difference"""
 JUMPS = 0.05
-"""Share of the times at which a rate may jump"""
+"""Fraction of the times at which a rate may jump"""
 
 
 @rule("references")
@@ -31,7 +31,7 @@ def samples_are_three_finite_arrays(signal: ReferenceSignal) -> None:
 def rates_are_the_derivatives(signal: ReferenceSignal) -> None:
     """The rate must be the derivative of the value, and the acceleration that of the rate.
 
-    By central differences, where those ahead and behind agree: a rate may jump at single instants.
+    Checked by central differences, where forward and backward differences agree: a rate may jump at single instants.
     """
     times = np.sort(np.random.default_rng(2).uniform(2.01, 5.99, 400))
     behind, at, ahead = (signal.sample(times + shift, SPAN) for shift in (-STEP, 0.0, STEP))
@@ -51,7 +51,7 @@ def rates_are_the_derivatives(signal: ReferenceSignal) -> None:
 
 @rule("references")
 def a_sample_does_not_depend_on_the_others(signal: ReferenceSignal) -> None:
-    """The sample at a time must not depend on the other times that are asked for with it."""
+    """The sample at a time must not depend on the other times requested with it."""
     times = _times()
     for name, whole, single in zip(
         Samples._fields, signal.sample(times, SPAN), signal.sample(times[37:38], SPAN), strict=True
@@ -72,7 +72,7 @@ def times_are_only_read(signal: ReferenceSignal) -> None:
 
 @rule("references")
 def samples_belong_to_the_caller(signal: ReferenceSignal) -> None:
-    """The arrays that `sample` returns must belong to the caller, who may change each of them."""
+    """The arrays that `sample` returns must belong to the caller, who may change them."""
     times = _times()
     expected = [part.copy() for part in signal.sample(times, SPAN)]
     for i, name in enumerate(Samples._fields):

@@ -1,4 +1,4 @@
-"""What robots keep: geometry whose derivatives agree, and a model that is a mechanism."""
+"""Rules for robots: geometry with consistent derivatives, and a physically possible model."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hilrig import WRENCH_AXES, Array, Kinematics, OutOfReach, Robot
 from hilrig.testing.rule import Broken, NotApplicableError, require, rule, same, shown
 
 STEP = 1e-6
-"""rad, or s: of a central difference"""
+"""rad or s, step of a central difference"""
 FAR = 1e6
 """m: where no robot reaches"""
 
@@ -25,7 +25,7 @@ class Pose(NamedTuple):
 
 @rule("robots")
 def sizes_agree(robot: Robot) -> None:
-    """Joints, axes, limits, geometry and regressor must have sizes that agree, as finite arrays of float64."""
+    """Joints, axes, limits, geometry and regressor must be finite float64 arrays of consistent sizes."""
     n, m, p = robot.joints, len(robot.axes), robot.dynamic_parameters().size
     unknown = [axis for axis in robot.axes if axis not in WRENCH_AXES]
     require(not unknown, f"it has an axis '{unknown[:1]}'; the axes there are: {', '.join(WRENCH_AXES)}")
@@ -43,7 +43,7 @@ def sizes_agree(robot: Robot) -> None:
 
 @rule("robots")
 def inverse_kinematics_reaches_the_position(robot: Robot) -> None:
-    """`inverse_kinematics` must return joint positions at which the robot is where it was asked to be."""
+    """`inverse_kinematics` must return joint positions that put the tip at the requested position."""
     for pose in _poses(robot):
         wanted = robot.forward_kinematics(pose.q)
         found = robot.inverse_kinematics(wanted.copy())
@@ -54,7 +54,7 @@ def inverse_kinematics_reaches_the_position(robot: Robot) -> None:
 
 @rule("robots")
 def what_is_out_of_reach_is_refused(robot: Robot) -> None:
-    """`inverse_kinematics` must raise OutOfReach for a position that the robot cannot take."""
+    """`inverse_kinematics` must raise OutOfReach for a position that the robot cannot reach."""
     try:
         found = robot.inverse_kinematics(np.full(len(robot.axes), FAR))
     except OutOfReach as error:
@@ -106,7 +106,7 @@ def the_jacobians_rate_is_its_derivative(robot: Robot) -> None:
 
 @rule("robots")
 def inertia_is_symmetric_and_positive(robot: Robot) -> None:
-    """The inertia in the regressor must be a symmetric, positive matrix."""
+    """The inertia in the regressor must be a symmetric positive definite matrix."""
     for pose in _modelled(robot):
         matrix = _mass(robot, pose.q)
         _compare(matrix, matrix.T, 1e-9, "at q = {} M", pose.q)
@@ -118,7 +118,7 @@ def inertia_is_symmetric_and_positive(robot: Robot) -> None:
 def coriolis_forces_fit_the_inertia(robot: Robot) -> None:
     """The Coriolis part of the regressor must fit its inertia: v^T (M' - 2 C) v = 0 for every v.
 
-    Adaptive and sliding-mode laws rest on it; for v = q' it says that energy is kept.
+    Adaptive and sliding-mode laws rely on it; for v = q' it means that energy is conserved.
     """
     random = np.random.default_rng(7)
     for pose in _modelled(robot):
@@ -144,7 +144,7 @@ def gravity_has_a_potential(robot: Robot) -> None:
 
 @rule("robots")
 def friction_takes_energy(robot: Robot) -> None:
-    """Friction in the nominal model must take energy, or be absent."""
+    """Friction in the nominal model must dissipate energy, or be absent."""
     for pose in _modelled(robot):
         still = 0 * pose.rate
         coulomb = _constant(robot, pose.q, pose.rate) - _constant(robot, pose.q)
@@ -174,9 +174,9 @@ def inputs_are_only_read_and_outputs_the_callers_own(robot: Robot) -> None:
 
 @rule("robots")
 def kernels_give_the_same_bits(robot: Any) -> None:
-    """The kernels of a robot that offers some must fill in what `kinematics` returns, to the last bit.
+    """The kernels of a robot, if it offers any, must fill in what `kinematics` returns, to the last bit.
 
-    They are given arrays with the figures of an earlier state; where a regressor is always zero they may rely on it.
+    They get arrays with the values of an earlier state; entries of a regressor that are always zero may be left alone.
     """
     if not hasattr(robot, "kernels"):
         return
@@ -185,7 +185,7 @@ def kernels_give_the_same_bits(robot: Any) -> None:
     for pose in poses:
         kernels.kinematics(kernels.constants, *pose, room)
         for name, part, wanted in zip(room._fields, room, robot.kinematics(*pose), strict=True):
-            require(same(part, wanted), "at q = {} {} is {} in place of {}", pose.q, name, part, wanted)
+            require(same(part, wanted), "at q = {} {} is {} instead of {}", pose.q, name, part, wanted)
 
 
 def _poses(robot: Robot, count: int = 12) -> list[Pose]:
@@ -228,7 +228,7 @@ def _constant(robot: Robot, q: Array, rate: Array | None = None) -> Array:
 
 def _check_array(name: str, array: Any, shape: tuple[int, ...]) -> None:
     require(isinstance(array, np.ndarray), f"{name} is a {type(array).__name__}")
-    require(array.shape == shape, f"{name} is an array {array.shape} in place of {shape}")
+    require(array.shape == shape, f"{name} is an array {array.shape} instead of {shape}")
     require(array.dtype == np.float64, f"{name} is an array of {array.dtype}")
     require(np.isfinite(array).all(), "{} is {}", name, array)
 
@@ -236,4 +236,4 @@ def _check_array(name: str, array: Any, shape: tuple[int, ...]) -> None:
 def _compare(given: Array, expected: Array, tolerance: float, what: str, *values: Any) -> None:
     scale = 1.0 + np.abs(expected).max()
     agrees = np.allclose(given, expected, atol=tolerance * scale, rtol=0)
-    require(agrees, f"{what} is {{}} in place of {{}}", *values, given, expected)
+    require(agrees, f"{what} is {{}} instead of {{}}", *values, given, expected)

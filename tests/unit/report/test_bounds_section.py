@@ -76,7 +76,9 @@ def test_the_numbers_are_for_programs_too(run: Path, tmp_path: Path) -> None:
 
 def test_a_plan_without_bounds_says_so(tmp_path: Path) -> None:
     run = make_run(tmp_path / "run", {"small": 1.0}, repeats=1, seconds=0.1)
-    assert "Not known: this run was planned by an older hilrig." in section_of(make_report(run, tmp_path / "out"))
+    assert "Unknown: this run was planned by an older version of hilrig." in section_of(
+        make_report(run, tmp_path / "out")
+    )
 
 
 def test_a_plan_with_bounds_in_the_form_of_an_older_hilrig_says_so(run: Path) -> None:

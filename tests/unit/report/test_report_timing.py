@@ -121,7 +121,7 @@ def test_two_hosts_have_no_transport_times(tmp_path: Path) -> None:
     timing = json.loads((run / "trials" / "small.quiet.0" / "timing.json").read_text())
     assert timing["state_transport_us"] is timing["command_transport_us"] is None
     assert timing["late_by"]["controller"] == timing["late"] > 0
-    assert "the two transport times cannot be told apart" in page
+    assert "the two transport times cannot be separated" in page
 
 
 def test_all_trials_invalid(tmp_path: Path) -> None:
@@ -136,7 +136,7 @@ def test_a_compiled_loop_has_no_times_of_single_ticks(tmp_path: Path) -> None:
     path = run / "trials" / "small.quiet.0" / "timing.json"
     path.write_text(json.dumps({"clock": "lockstep", "ticks": 0, "late": 0, "round_trip_us": None, "compute_us": None}))
     page = make_report(run, tmp_path / "out").read_text()
-    assert "Every trial: no times of single ticks." in page
+    assert "Every trial: no times of individual ticks." in page
 
 
 @pytest.mark.parametrize(

@@ -76,5 +76,9 @@ def test_where_there_is_no_place_the_message_says_of_each_why(
     other.rmdir()
     with pytest.raises(RigError) as caught:
         make_socket_folder()
-    for words in (f"'{tmp_path}/q?x': its path", f"'{other}': No such file or directory", "set TMPDIR to a folder"):
+    for words in (
+        f"'{tmp_path}/q?x': its path",
+        f"'{other}': No such file or directory",
+        "set TMPDIR to a writable folder",
+    ):
         assert words in str(caught.value)

@@ -210,4 +210,4 @@ def test_a_fault_in_a_view_does_not_cost_the_record(capsys: pytest.CaptureFixtur
     views.note(dict.fromkeys(("truth", "internals"), np.zeros((2, 5), np.uint8)))
     views.note(packet(0))
     assert key.sent == []
-    assert "the live view stops here; recording goes on" in capsys.readouterr().out
+    assert "the live view stops here; recording continues" in capsys.readouterr().out

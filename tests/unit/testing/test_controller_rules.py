@@ -56,7 +56,7 @@ FAULTS = {
     "dimensions_come_from_the_task": (
         {"start": "integral = np.zeros(2)"}, "but on one axis it raised ValueError: ",
     ),
-    "torque_is_one_finite_number_for_each_joint": ({"late": "return torque[:1]"}, "an array (1,) in place of (2,)"),
+    "torque_is_one_finite_number_for_each_joint": ({"late": "return torque[:1]"}, "an array (1,) instead of (2,)"),
     "torque_is_one_finite_number_for_each_joint list": ({"late": "return list(torque)"}, "it returned a list"),
     "torque_is_one_finite_number_for_each_joint integers": (
         {"late": "return torque.astype(np.float32)"}, "an array of float32",
@@ -75,7 +75,7 @@ FAULTS = {
     ),
     "memory_is_written_in_place": (
         {"first": "memory = Memory(*(part.copy() for part in memory))"},
-        "all of it is as it was",
+        "all of it is unchanged",
     ),
     "memory_is_all_that_a_law_remembers": (
         {"early": "SHARED.append(1.0); error = error + 1e-6 * len(SHARED)"},
@@ -154,5 +154,5 @@ def test_every_choice_is_looked_at_and_named(tmp_path: Path) -> None:
     sentences = broken("controllers", source, tmp_path)
     assert sentences["torque_is_one_finite_number_for_each_joint"] == (
         "mine.py with mode='wrong': `step` must return an array with one finite torque for each joint, at every tick, "
-        "but at tick 0 it returned an array (1,) in place of (2,)"
+        "but at tick 0 it returned an array (1,) instead of (2,)"
     )

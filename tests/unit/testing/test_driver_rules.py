@@ -155,7 +155,7 @@ FAULTS = {
     ),
     "every_disturbance_it_declares_acts not": (
         {"advance": "disturbance = disturbance._replace(surface_offset=0.0)"},
-        "plant_surface_offset changes nothing; give the test values with which it does",
+        "plant_surface_offset changes nothing; give the test values that have an effect",
     ),
     "an_external_force_is_felt_by_the_sensor": (
         {"measure": "seen = self.plant.measure(disturbance._replace(tip_force=np.zeros(2)))"},
@@ -207,4 +207,4 @@ def test_a_real_plant_is_not_moved(tmp_path: Path) -> None:
 
 def test_a_surface_out_of_reach_is_said(tmp_path: Path) -> None:
     sentence = broken("drivers", GOOD, tmp_path, "advance_moves_the_plant", robot=arm(), surface=surface(position=9.0))
-    assert "the robot reaches no place on its surface, at 9 m along z; give the test a surface" in str(sentence)
+    assert "the robot reaches no point on its surface, at 9 m along z; give the test a surface" in str(sentence)

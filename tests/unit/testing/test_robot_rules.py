@@ -104,7 +104,7 @@ FAULTS = {
         {"method": "LIMITS = np.array([50.0, 50.0])\n    def torque_limits(self): return self.LIMITS"},
         "what torque_limits returned before, changed by its owner, came again",
     ),
-    "kernels_give_the_same_bits": ({"method": WRONG_KERNEL}, "in place of"),
+    "kernels_give_the_same_bits": ({"method": WRONG_KERNEL}, "instead of"),
 }  # fmt: skip
 
 

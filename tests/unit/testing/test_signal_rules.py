@@ -90,7 +90,7 @@ DISTURBANCE_FAULTS = {
     ),
     "what_it_puts_in_is_finite": ({"apply": "force[700] = np.inf"}, "plant_tip_force is not"),
     "the_same_seed_is_the_same_world": (
-        {"apply": "force = force * np.random.random()"}, "was another one the second time",
+        {"apply": "force = force * np.random.random()"}, "was different the second time",
     ),
     "it_adds_to_what_is_there": ({"apply": "schedule.plant_tip_force[:] = 0"}, "plant_tip_force is not what was there"),
     "it_lasts_from_at_to_until": (
