@@ -67,14 +67,14 @@ def controller_curves(drawn: Drawn, pick: Callable[[TrialSignals], Array]) -> li
 
 def zoom_windows(phases: list[Any], end: float) -> list[tuple[str, float, float]]:
     """Return (title, from, to) of the enlarged intervals: the start, each change of phase, and the end."""
-    first = phases[0]["end"] - phases[0]["start"]
-    windows = [("start", 0.0, min(2.0, first / 2, end))]
+    first, last = (phase["end"] - phase["start"] for phase in (phases[0], phases[-1]))
+    windows = [("start", 0.0, min(2.0, first / 4, end))]
     for before, after in itertools.pairwise(phases):
         if after["start"] < end:
             lead = min(0.5, (before["end"] - before["start"]) / 4)
             tail = min(2.5, (after["end"] - after["start"]) / 2)
             windows.append((f"{before['name']} → {after['name']}", after["start"] - lead, after["start"] + tail))
-    return [*windows, ("end", max(0.0, end - min(2.0, first / 2)), end)]
+    return [*windows, ("end", max(0.0, end - min(2.0, last / 4)), end)]
 
 
 def with_zoom(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,12 +50,20 @@ def verdict_tables(
 ) -> list[VerdictTable]:
     """Return a table for each condition and phase: the phases in their order, the whole trial last."""
     values = by_cell(summary)
-    spans = dict.fromkeys((cell[0], cell[1]) for cell in values)
+    spans = dict.fromkeys((cell[0], cell[1]) for cell in shown_cells(values))
     return [
         VerdictTable(condition, phase, [_row(cell, rows, verdicts[cell], controllers) for cell, rows in values.items()
                                  if cell[:2] == (condition, phase)])
         for condition, phase in spans
     ]  # fmt: skip
+
+
+def shown_cells(cells: Iterable[Cell]) -> list[Cell]:
+    """Return the cells that the tables show: all, but of trials with one phase only those of the whole trial."""
+    found = list(cells)
+    spans = {(condition, phase) for condition, phase, *_ in found}
+    several = {condition for condition, _ in spans if sum(other == condition for other, _ in spans) > 2}
+    return [cell for cell in found if cell[1] == ALL_PHASES or cell[0] in several]
 
 
 def by_cell(summary: pd.DataFrame) -> dict[Cell, dict[str, dict[str, Any]]]:
@@ -97,7 +105,9 @@ def answer_question(verdicts: Mapping[Cell, Verdict], summary: pd.DataFrame, con
     conditions = list(dict.fromkeys(cell[0] for cell in verdicts))
     values = by_cell(summary)
     sentences = [_sentence(condition, verdicts, values) for condition in conditions]
-    marks = [verdict.best for verdict in verdicts.values()]
+    marks = [verdicts[cell].best for cell in shown_cells(verdicts)]
+    if not any(marks):
+        return [*sentences, f"No controller is marked best in any of the {len(marks)} rows of the tables."]
     first, *others = controllers
     counts = ", ".join(
         [f"{first} is marked best in {marks.count(first)}", *(f"{n} in {marks.count(n)}" for n in others)]
