@@ -58,7 +58,7 @@ def measure(
 
     One interleaved run of about twelve minutes. Leave the machine alone while it runs.
 
-    Exit code: 0 measured, whatever the figures; 2 the call is wrong.
+    Exit code: 0 measured, whatever the figures; 2 the command line is wrong.
     """
     if context.invoked_subcommand is not None:
         return

@@ -20,6 +20,11 @@ LONGEST_NAME = len(f"/{PREFIX}12345678/s.sock")
 _PLAIN = re.compile(r"/[A-Za-z0-9/._+~@-]*")
 
 
+def endpoint(folder: str, participant: str) -> str:
+    """Return where a participant of the bus listens: a unix socket in `folder`, named after its first letter."""
+    return f"unixsock-stream/{folder}/{participant[0]}.sock"
+
+
 def make_socket_folder() -> str:
     """Create a folder for sockets and return its path; the caller removes it.
 

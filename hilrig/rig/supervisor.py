@@ -30,7 +30,7 @@ from hilrig.rig.processes import (
     log_of,
     pause,
 )
-from hilrig.rig.socket_folder import make_socket_folder
+from hilrig.rig.socket_folder import endpoint, make_socket_folder
 
 ROLES = ("driver", "controller", "logger")
 LAST_WORDS_TIMEOUT_S = 0.5
@@ -92,7 +92,7 @@ class Rig:
         return self
 
     def _endpoint(self, name: str) -> str:
-        return f"unixsock-stream/{self._sockets}/{name[0]}.sock"
+        return endpoint(self._sockets, name)
 
     def _start(self, role: str, listens: list[str], connects: list[str]) -> ChildProcess:
         orders = Orders(

@@ -26,7 +26,7 @@ docs/testing.md shows the same as a test file of two lines."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the rules and return pytest's exit code. Raises PluginError if the call is wrong."""
+    """Run the rules and return pytest's exit code. Raises PluginError if the command line is wrong."""
     if not arguments or arguments[0] in ("-h", "--help"):
         print(USAGE)
         return 0 if arguments else 2

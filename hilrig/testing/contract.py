@@ -85,7 +85,7 @@ class Chosen:
         try:
             _ = self.subject
         except PluginError as error:
-            return f"a kind of {self.group} must load, but {error}"
+            return f"this kind of {self.group} cannot be loaded: {error}"
         except (TypeError, ValueError) as error:
             return f"{self.name}: the test must be able to create one, but {error}"
         return ""

@@ -18,6 +18,7 @@ from hilrig.rig.bus import Bus
 from hilrig.rig.child import PAUSE_S, REHEARSALS, Signals
 from hilrig.rig.clock import Pacer
 from hilrig.rig.setup import Report, prepare, settle
+from hilrig.rig.socket_folder import endpoint
 
 PAYLOAD_BYTES = 140
 """Size of the state message of an arm with two joints"""
@@ -42,8 +43,8 @@ def main() -> None:
 
 
 def _bus(role: str, sockets: str, low_latency: bool) -> Bus:
-    endpoint = f"unixsock-stream/{sockets}/d.sock"
-    listen, connect = ([endpoint], []) if role == "driver" else ([], [endpoint])
+    driver = [endpoint(sockets, "driver")]
+    listen, connect = (driver, []) if role == "driver" else ([], driver)
     return Bus("doctor", role, listen, connect, low_latency)
 
 

@@ -99,7 +99,7 @@ def _print_probe(console: Console, measured: Probe) -> None:
 
 def _print_remedies(console: Console, found: list[Finding]) -> None:
     """Print how to fix each finding, one line each, never folded: users copy these lines."""
-    for verdict, title in (("fault", "To fix the faults:"), ("note", "What may help, too:")):
+    for verdict, title in (("fault", "To fix the faults:"), ("note", "Also worth trying:")):
         items = [item for item in found if item.verdict == verdict and item.remedy]
         if items:
             console.print(f"\n{title}")

@@ -91,7 +91,7 @@ def test_a_kind_that_cannot_be_loaded_is_one_failure(folder: Path) -> None:
     done = run(folder, "hilrig.testing", "metrics", "./kinds/mine.py")
     assert done.returncode == 1
     assert re.search(r"\b1 failed, \d+ skipped", done.stdout)
-    assert "a kind of metrics must load, but" in done.stdout
+    assert "this kind of metrics cannot be loaded:" in done.stdout
     assert "mine.py:2: RuntimeError: no idea" in done.stdout
 
 
