@@ -40,15 +40,17 @@ def warm_up_controller(trial: Trial) -> dict[str, int]:
     Raises PluginError if the law's memory cannot be recorded.
     """
     joints, axes = trial.driver.robot.joints, len(trial.axes)
-    at_rest = (start_joint_position(trial), np.zeros(6), np.zeros(joints))
+    start = start_joint_position(trial)
     node = ControllerNode(trial)
-    sizes = node.start(0, *at_rest)
+    sizes = node.start(0, start, np.zeros(6), np.zeros(joints))
     codecs = layouts(joints, axes, sizes)
     batches = {name: RecordBatch(codecs[name], FEWEST) for name in ("command", "internals")}
     heard = HeardState(codecs)
     node.bind(heard.rows, controller_rows(batches))
+    heard.read(codecs["state"].zero())
+    heard.rows.joint_position[0] = start
     with suppress(Tripped):  # the trial will trip in the same way, and report it
         for tick in range(min(TICKS, trial.ticks)):
-            heard.read(codecs["state"].pack((tick, tick * trial.period, *at_rest)))
+            heard.rows.tick[0] = tick
             node.answer()
     return sizes
