@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from hilrig.core.errors import describe_error
+from hilrig.core.errors import describe_error, raised
 from hilrig.kinds.registry import PROTOCOLS
 from hilrig.testing.subject import Subject
 
@@ -114,5 +114,5 @@ def _told(error: Exception, subject: Subject) -> str:
     if isinstance(error, Broken):
         return str(error)
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == subject.file]
-    what = f"{type(error).__name__}: {error} (line {frames[-1].lineno})" if frames else describe_error(error)
+    what = f"{raised(error)} (line {frames[-1].lineno})" if frames else describe_error(error)
     return " ".join([*getattr(error, "__notes__", ()), f"it raised {what}"])

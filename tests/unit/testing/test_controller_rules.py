@@ -77,6 +77,10 @@ FAULTS = {
         {"first": "memory = Memory(*(part.copy() for part in memory))"},
         "all of it is as it was",
     ),
+    "memory_is_written_in_place slip": (
+        {"early": "memory.integral += state.elapsed * error"},
+        "write into the array of the NamedTuple: `memory.integral[:] += state.elapsed * error` (line 39)",
+    ),
     "memory_is_all_that_a_law_remembers": (
         {"early": "SHARED.append(1.0); error = error + 1e-6 * len(SHARED)"},
         "a new law with the memory of another gave",
@@ -122,7 +126,7 @@ FAULTS = {
         "three values of 'gain' were taken for two axes",
     ),
     "without_a_model_it_works_or_refuses": (
-        {"start": "assert task.dynamic_parameters.size"}, "it raised AssertionError:  (line 26)",
+        {"start": "assert task.dynamic_parameters.size"}, "it raised AssertionError (line 26)",
     ),
     "parameters_can_be_searched": (
         {"field": "other: Annotated[float, Parameter('s', 'T', 0)] = 1.0"}, "those of 'other' are 0 and inf",
