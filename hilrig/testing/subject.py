@@ -7,14 +7,15 @@ import inspect
 import itertools
 import types
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from hilrig import Parameter
-from hilrig.core.errors import PluginError, nearest
+from hilrig.core.errors import PluginError
 from hilrig.kinds.registry import PROTOCOLS, group_of, is_path, load_kind
 from hilrig.kinds.robots.planar_2r import Planar2r
+from hilrig.testing.values import read_values
 
 MOST_VARIANTS = 64
 """Of a kind's choices, combined; further ones are not looked at"""
@@ -50,12 +51,13 @@ class Subject:
 
 
 def subject_of(group: str, kind: str, base: Path, values: Mapping[str, Any], file_text: str = TABLE) -> Subject:
-    """Return a kind with instances of it, `values` by field name for the fields that it has.
+    """Return a kind with instances of it, `values` by field name, as an author gives them, for the fields that it has.
 
     `base` is the folder that a path starts from; `file_text` is given to a reference that reads a file. Raises
     PluginError if there is no such kind, and TypeError or ValueError if no instance can be made.
     """
     cls = load_kind(group, kind, base)
+    values = read_values(cls, values, base)
     variants = (
         list(itertools.islice(_variants(cls, values), MOST_VARIANTS))
         if group in ALL_CHOICES
@@ -65,15 +67,6 @@ def subject_of(group: str, kind: str, base: Path, values: Mapping[str, Any], fil
         variants = [variant.filled(file_text) for variant in variants]
     whole, name = (str(base / kind), Path(kind).name) if is_path(kind) else (kind, kind)
     return Subject(group, whole, name, cls, inspect.getsourcefile(cls) or "", tuple(variants), bool(values))
-
-
-def check_values(group: str, classes: Sequence[type], values: Mapping[str, Any]) -> None:
-    """Raise TypeError for a value that none of the classes has a field for."""
-    names = {field.name for cls in classes for field in dataclasses.fields(cls)}
-    for name in values if classes else ():
-        if name not in names:
-            listed = ", ".join(sorted(names)) or "none"
-            raise TypeError(f"there is no field '{name}' of {group}{nearest(name, names)} (fields: {listed})")
 
 
 def example(cls: type, **values: Any) -> Any:

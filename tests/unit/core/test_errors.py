@@ -54,7 +54,9 @@ def caught(tmp_path: Path, code: str) -> BaseException:
     ],
 )
 def test_a_field_of_a_named_tuple_that_is_set_is_told_what_to_write(tmp_path: Path, slip: str, mended: str) -> None:
-    error = caught(tmp_path, f"from collections import namedtuple\nmemory = namedtuple('M', 'n')(np.zeros(1))\n{slip}\n")
+    error = caught(
+        tmp_path, f"from collections import namedtuple\nmemory = namedtuple('M', 'n')(np.zeros(1))\n{slip}\n"
+    )
     assert raised(error) == f"AttributeError: can't set attribute; write into the array of the NamedTuple: `{mended}`"
 
 
