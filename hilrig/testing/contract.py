@@ -14,7 +14,7 @@ import pytest
 
 from hilrig.core.errors import PluginError
 from hilrig.kinds.registry import is_path, kind_names, load_kind
-from hilrig.testing.rule import RULES, NotApplicableError, Rule
+from hilrig.testing.rule import FIRST, RULES, NotApplicableError, Rule
 from hilrig.testing.rules import register_all
 from hilrig.testing.subject import TABLE, Subject, subject_of
 from hilrig.testing.values import check_values
@@ -60,6 +60,8 @@ def look(kind: Chosen, rule: Rule | None) -> None:
             pytest.fail(kind.why_not, pytrace=False)
         pytest.skip(f"{kind.name}: no instance of it can be made")
     if rule is not None:
+        if rule.first and kind.does_not_run:
+            pytest.skip(f"{kind.subject.name}: mend {rule.first.name} first")
         try:
             sentence = rule.judge(kind.subject)
         except NotApplicableError as reason:
@@ -109,6 +111,14 @@ class Chosen:
         except (TypeError, ValueError) as error:
             return f"{self.name}: the test must be able to make one, but {error}"
         return ""
+
+    @cached_property
+    def does_not_run(self) -> bool:
+        """Whether it breaks the first rule of its group."""
+        try:
+            return bool(FIRST[self.group].judge(self.subject))
+        except NotApplicableError:
+            return False
 
     @cached_property
     def subject(self) -> Subject:

@@ -38,6 +38,8 @@ class Rule(NamedTuple):
     """Raises Broken or NotApplicableError; any other error is the kind's own"""
     whole: bool
     """Whether `check` takes the Subject, not one variant of it after the other"""
+    first: Rule | None
+    """The rule that must be kept before this one is looked at, if there is one"""
 
     def judge(self, subject: Subject) -> str:
         """Return one sentence about how `subject` breaks the rule; empty if it keeps it. Raises NotApplicableError."""
@@ -60,16 +62,24 @@ RULES: dict[str, list[Rule]] = {group: [] for group in GROUPS}
 """The rules of each group, in the order in which they are checked"""
 
 
-def rule(*groups: str, whole: bool = False) -> Callable[[Check], Check]:
+FIRST: dict[str, Rule] = {}
+"""The rule of each group without which those after it say nothing, once it is known: the kind runs at all"""
+
+
+def rule(*groups: str, whole: bool = False, first: bool = False) -> Callable[[Check], Check]:
     """Make a function a rule of these groups: its name names the test, the first line of its docstring is the rule.
 
-    It is called with each variant of a kind, or with `whole` once, with the Subject.
+    It is called with each variant of a kind, or with `whole` once, with the Subject. A kind that breaks the `first` rule
+    of its group is asked none of those that come after it.
     """
 
     def register(check: Check) -> Check:
         sentence = (inspect.getdoc(check) or "").split("\n")[0].rstrip(".")
         for group in groups:
-            RULES[group].append(Rule(check.__name__, sentence, check, whole))
+            made = Rule(check.__name__, sentence, check, whole, FIRST.get(group))
+            RULES[group].append(made)
+            if first:
+                FIRST[group] = made
         return check
 
     return register

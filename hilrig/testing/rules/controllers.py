@@ -18,12 +18,16 @@ MANY = 30
 """Ticks after which a law's memory has something in it"""
 
 
-@rule("controllers")
-def start_returns_a_law(controller: Controller) -> None:
-    """`start` must return a Law of step, parameters and memory."""
-    law = controller.start(*_task_and_state(_scenario(controller)))
-    require(isinstance(law, Law), f"it returned a {type(law).__name__}")
+@rule("controllers", first=True)
+def the_law_starts_and_its_step_runs(controller: Controller) -> None:
+    """`start` must return a Law of step, parameters and memory, and its `step` must run."""
+    with noting("in `start`"):
+        law, given = _begun(controller)
+    require(isinstance(law, Law), f"`start` returned a {type(law).__name__}")
     require(callable(law.step), f"its `step` is a {type(law.step).__name__}, which cannot be called")
+    for k, tick in enumerate(given.ticks):
+        with noting(f"in `step`, at tick {k},"):
+            law.step(law.parameters, law.memory, *tick)
 
 
 @rule("controllers")

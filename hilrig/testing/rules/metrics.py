@@ -27,7 +27,7 @@ def the_unit_is_a_text(subject: Subject) -> None:
     require(isinstance(unit, str), f"it is {unit!r}")
 
 
-@rule("metrics")
+@rule("metrics", first=True)
 def values_are_finite_numbers_by_axis(metric: Metric) -> None:
     """`measure` must return a finite float for each axis, or one under "" where there is no axis."""
     values = _measured(metric, flawed())

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.rules import assert_noticed, broken, changed
+from helpers.rules import assert_noticed, assert_the_first_rule_alone, broken, changed
 
 REFERENCE = '''
 """A reference of somebody's own."""
@@ -233,3 +233,16 @@ def test_each_fault_of_the_parameters_is_noticed(tmp_path: Path, fault: str) -> 
     source = METRIC.replace(replacements[""], "") if "" in replacements else changed(METRIC, **replacements)
     assert source != METRIC
     assert_noticed("metrics", source, tmp_path, fault.split()[0], words)
+
+
+@pytest.mark.parametrize(
+    ("group", "source", "first"),
+    [
+        ("references", changed(REFERENCE, sample="1 / 0"), "samples_are_three_finite_arrays"),
+        ("disturbances", changed(DISTURBANCE, apply="1 / 0"), "it_can_be_applied"),
+        ("metrics", changed(METRIC, measure="1 / 0"), "values_are_finite_numbers_by_axis"),
+    ],
+)
+def test_an_exception_is_told_once(tmp_path: Path, group: str, source: str, first: str) -> None:
+    words = "but it raised ZeroDivisionError: division by zero (line "
+    assert_the_first_rule_alone(group, source, tmp_path, first, words)
