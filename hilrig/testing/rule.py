@@ -69,8 +69,8 @@ FIRST: dict[str, Rule] = {}
 def rule(*groups: str, whole: bool = False, first: bool = False) -> Callable[[Check], Check]:
     """Make a function a rule of these groups: its name names the test, the first line of its docstring is the rule.
 
-    It is called with each variant of a kind, or with `whole` once, with the Subject. A kind that breaks the `first` rule
-    of its group is asked none of those that come after it.
+    It is called with each variant of a kind, or with `whole` once, with the Subject. A kind that breaks the `first`
+    rule of its group is asked none of those that come after it.
     """
 
     def register(check: Check) -> Check:

@@ -1,8 +1,10 @@
-"""The rules, one group a file; of drivers two."""
+"""The rules, one group a file; of controllers and drivers two."""
 
 from importlib import import_module
 
-FILES = ("every_kind", "controllers", "references", "disturbances", "robots", "drivers", "plants", "metrics")
+FILES = (
+    "every_kind", "controllers", "assessments", "references", "disturbances", "robots", "drivers", "plants", "metrics",
+)  # fmt: skip
 
 
 def register_all() -> None:

@@ -52,7 +52,9 @@ class Mine:
         return torque
 '''
 FAULTS = {
-    "the_law_starts_and_its_step_runs": ({"start": "return self.step, (task, gain), Memory(p, v, integral)"}, "`start` returned a tuple"),
+    "the_law_starts_and_its_step_runs": (
+        {"start": "return self.step, (task, gain), Memory(p, v, integral)"}, "`start` returned a tuple",
+    ),
     "dimensions_come_from_the_task": (
         {"start": "integral = np.zeros(2)"}, "but on one axis it raised ValueError: ",
     ),

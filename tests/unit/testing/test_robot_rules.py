@@ -125,5 +125,5 @@ def test_each_fault_is_noticed_and_told(tmp_path: Path, fault: str) -> None:
 
 
 def test_an_exception_is_told_once(tmp_path: Path) -> None:
-    words = "it raised ZeroDivisionError: division by zero (line 49)"
+    words = "it raised ZeroDivisionError: division by zero (line "
     assert_the_first_rule_alone("robots", changed(GOOD, kinematics="1 / 0"), tmp_path, "sizes_agree", words)
