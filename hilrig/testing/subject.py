@@ -21,6 +21,8 @@ MOST_VARIANTS = 64
 """Of a kind's choices, combined; further ones are not looked at"""
 ALL_CHOICES = ("controllers", "references", "disturbances", "metrics")
 """Groups whose kinds are tested in each of their choices. A robot or a plant may offer one that is wrong on purpose"""
+ZEROS = ("references",)
+"""Groups whose kinds are tested with another value, too, of each number whose default is 0"""
 TABLE = "time,value\n0,0\n1,0.8\n2,0.9\n3,0.1\n4,-0.8\n"
 """What a reference that reads a file is given: five points of about a sine"""
 
@@ -59,7 +61,7 @@ def subject_of(group: str, kind: str, base: Path, values: Mapping[str, Any], fil
     cls = load_kind(group, kind, base)
     values = read_values(cls, values, base)
     variants = (
-        list(itertools.islice(_variants(cls, values), MOST_VARIANTS))
+        list(itertools.islice(_variants(cls, values, group in ZEROS), MOST_VARIANTS))
         if group in ALL_CHOICES
         else [example(cls, **values)]
     )
@@ -109,16 +111,34 @@ def _bare(hint: Any) -> Any:
     return hint.__origin__ if hasattr(hint, "__metadata__") else hint
 
 
-def _variants(cls: type, values: Mapping[str, Any]) -> Iterator[Any]:
-    """Yield an instance for each combination of the fields that are a choice between words; the defaults come first."""
-    first = example(cls, **values)
-    choices = {
-        name: (getattr(first, name), *(word for word in typing.get_args(hint) if word != getattr(first, name)))
-        for name, (hint, _) in parameters(cls).items()
-        if typing.get_origin(hint) is typing.Literal and name not in values
-    }
+def _variants(cls: type, values: Mapping[str, Any], zeros: bool) -> Iterator[Any]:
+    """Yield an instance for each combination of a kind's choices; the defaults come first."""
+    choices = _choices(cls, values, zeros)
     for combination in itertools.product(*choices.values()):
-        yield example(cls, **{**values, **dict(zip(choices, combination, strict=True))})
+        chosen = dict(zip(choices, combination, strict=True))
+        try:
+            yield example(cls, **{**values, **chosen})
+        except ValueError:
+            continue  # a number that does not fit the others
+
+
+def _choices(cls: type, values: Mapping[str, Any], zeros: bool) -> dict[str, tuple[Any, ...]]:
+    """Return what there is to choose from for the fields that are not among `values`: the default, and what else.
+
+    These are the fields that are a choice between words and, with `zeros`, numbers whose default is 0, which may hide
+    what depends on them.
+    """
+    first = example(cls, **values)
+    found: dict[str, tuple[Any, ...]] = {}
+    for name, (hint, parameter) in parameters(cls).items():
+        now = getattr(first, name)
+        if name in values:
+            continue
+        if typing.get_origin(hint) is typing.Literal:
+            found[name] = (now, *(word for word in typing.get_args(hint) if word != now))
+        elif zeros and type(now) in (int, float) and now == 0:
+            found[name] = (now, type(now)(_number(parameter) or _number(parameter, -1.5)))
+    return found
 
 
 _NAMED = {"axis": "z", "file": "table.csv", "column": "value"}
@@ -128,10 +148,10 @@ _ROBOT = Planar2r((1.5, 1.5), (1.5, 1.5))
 
 def _value(name: str, hint: Any) -> Any:
     """Return a value for the field `name` so annotated."""
-    kind, known = _bare(hint), parameter_of(hint) or Parameter("")
+    kind = _bare(hint)
     if typing.get_origin(kind) in (typing.Union, types.UnionType):
         kind = next(part for part in typing.get_args(kind) if part is not types.NoneType)
-    number = float(min(max(1.5, known.low), known.high))
+    number = _number(parameter_of(hint))
     of_a_robot = group_of(kind) == "robots"
     if of_a_robot and (kind is PROTOCOLS["robots"] or kind is Planar2r):
         return _ROBOT
@@ -149,3 +169,8 @@ def _value(name: str, hint: Any) -> Any:
     if name in _NAMED:
         return _NAMED[name]
     raise TypeError(f"its field '{name}' has no default and takes {hint}; give the test a value, as in {name}=...")
+
+
+def _number(parameter: Parameter | None, wanted: float = 1.5) -> float:
+    """Return the number that is wanted, moved into the bounds of its parameter."""
+    return float(min(max(wanted, parameter.low), parameter.high)) if parameter else wanted

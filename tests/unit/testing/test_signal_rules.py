@@ -175,6 +175,32 @@ def test_each_fault_of_a_disturbance_is_noticed(tmp_path: Path, fault: str) -> N
     assert_noticed("disturbances", changed(DISTURBANCE, **replacements), tmp_path, fault.split()[0], words)
 
 
+GROWTH = "growth: Annotated[float, Parameter('rad/s^2', 'of the frequency', {bounds})] = 0.0"
+CHIRP = (
+    "w = w + self.growth * time; value, rate = np.sin(w * time), (w + self.growth * time) * np.cos(w * time)\n"
+    "        acceleration = 2 * self.growth * np.cos(w * time) - (w + self.growth * time) ** 2 * np.sin(w * time)"
+)
+
+
+@pytest.mark.parametrize(("bounds", "value"), [("0, 1e3", 1.5), ("0, 0.5", 0.5), ("-3, 0", -1.5)])
+def test_a_number_of_a_reference_that_is_zero_is_tested_with_another_value(
+    tmp_path: Path, bounds: str, value: float
+) -> None:
+    right = changed(REFERENCE, field=GROWTH.format(bounds=bounds), sample=CHIRP)
+    assert broken("references", right, tmp_path) == {}
+    wrong = right.replace("2 * self.growth", "0")
+    assert wrong != right
+    sentence = broken("references", wrong, tmp_path)["rates_are_the_derivatives"]
+    assert sentence.startswith(f"mine.py with growth={value}: The rate must be the derivative"), sentence
+
+
+def test_a_value_that_does_not_fit_the_others_is_left_out(tmp_path: Path) -> None:
+    fields = "until: Annotated[float, Parameter('s', 'end', 0, 9)] = 1.0\n    " + GROWTH.format(bounds="0, 9")
+    refusal = "\n    def __post_init__(self):\n        if self.growth > self.until: raise ValueError('too large')"
+    source = changed(REFERENCE, field=fields + refusal, sample="assert not self.growth")
+    assert broken("references", source, tmp_path) == {}
+
+
 def test_a_disturbance_that_takes_any_axis_is_noticed(tmp_path: Path) -> None:
     source = DISTURBANCE.replace(
         'raise ValueError(f"there is no axis {self.axis!r}")', "axes = (*axes, self.axis); return"
