@@ -48,8 +48,8 @@ class _All(pytest.File):
         self.kinds = kinds
 
     def collect(self) -> Iterable[pytest.Collector]:
-        """Return a collector for each kind; its path, which pytest shows, is what the user wrote."""
-        return [_Kind.from_parent(self, path=Path.cwd() / kind.name, kind=kind) for kind in self.kinds]
+        """Return a collector for each kind, with a path by which pytest shows it as the user wrote it."""
+        return [_Kind.from_parent(self, path=Path.cwd() / _shown(kind.name), kind=kind) for kind in self.kinds]
 
 
 class _Kind(pytest.File):
@@ -75,3 +75,8 @@ class _Test(pytest.Item):
     def reportinfo(self) -> tuple[Path, None, str]:
         """Return the place and the heading of a failure."""
         return self.path, None, f"{self.kind.name}: {self.name}"
+
+
+def _shown(name: str) -> str:
+    """Return the name of a kind, or its path; of a path from the root, its end."""
+    return Path(name).name if Path(name).is_absolute() else name

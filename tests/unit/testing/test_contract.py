@@ -121,6 +121,10 @@ def test_a_test_is_shown_as_its_kind_and_its_rule(folder: Path) -> None:
     assert "\nkinds/mine.py::is_a_kind PASSED" in done.stdout
     assert "\neffort::lower_is_better PASSED" in done.stdout
     assert "tmp" not in done.stdout
+    done = run(folder, "hilrig.testing", "metrics", str(folder / "kinds" / "mine.py"), "-q")
+    assert "\nFAILED mine.py::a_record_of_few_ticks_is_no_error - " in done.stdout
+    done = run(folder / "kinds", "hilrig.testing", "metrics", "../kinds/mine.py", "-q")
+    assert re.search(r"\nFAILED (../kinds/)?mine.py::a_record_of_few_ticks_is_no_error - ", done.stdout)
 
 
 def test_the_command_says_why_rules_are_skipped(folder: Path) -> None:

@@ -134,7 +134,16 @@ METRIC_FAULTS = {
     "values_are_finite_numbers_by_axis dict": ({"measure": "return value"}, "it returned a float, not a dict"),
     "values_are_finite_numbers_by_axis nothing": ({"measure": "return {}"}, "on a whole phase it returned nothing"),
     "lower_is_better": (
-        {"measure": "value = 1 / (1 + value)"}, "trials without, with small and with large errors score [",
+        {"measure": "value = 1 / (1 + value)"},
+        "without errors, with some and with three times as large ones it gave [1, ",
+    ),
+    "lower_is_better first below": (
+        {"measure": "value = float(np.mean(record.force[:, 1] - record.reference_force[:, 1]))"},
+        "for '' on 2 s in which position and force swing about their references, first below them, and come to rest",
+    ),
+    "lower_is_better first above": (
+        {"measure": "value = float(np.mean(record.reference_position[:, 0] - record.position[:, 0]))"},
+        "swing about their references, first above them",
     ),
     "lower_is_better same": ({"measure": "value = 1.0"}, "every trial scores {'': 1.0}"),
     "a_record_of_few_ticks_is_no_error": (
@@ -173,6 +182,14 @@ def test_each_fault_of_a_reference_is_noticed(tmp_path: Path, fault: str) -> Non
 def test_each_fault_of_a_disturbance_is_noticed(tmp_path: Path, fault: str) -> None:
     replacements, words = DISTURBANCE_FAULTS[fault]
     assert_noticed("disturbances", changed(DISTURBANCE, **replacements), tmp_path, fault.split()[0], words)
+
+
+@pytest.mark.parametrize("sign", ["", "-"])
+@pytest.mark.parametrize(("signal", "axis"), [("position", 0), ("force", 1)])
+def test_a_metric_of_errors_of_one_sign_keeps_every_rule(tmp_path: Path, sign: str, signal: str, axis: int) -> None:
+    error = f"{sign}(record.{signal} - record.reference_{signal})[:, {axis} if len(record.axes) > 1 else 0]"
+    source = changed(METRIC, measure=f"value = float(np.max({error}, initial=0.0))")
+    assert broken("metrics", source, tmp_path) == {}
 
 
 GROWTH = "growth: Annotated[float, Parameter('rad/s^2', 'of the frequency', {bounds})] = 0.0"
