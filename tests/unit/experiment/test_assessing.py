@@ -13,6 +13,7 @@ import pytest
 from helpers.bounds import BEST, DERIVED, PRINTED, UPPER, estimating, tip_inertia
 from helpers.builders import arm
 from helpers.experiments import EXPERIMENTS, parameters
+from helpers.rules import broken
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -161,6 +162,11 @@ def test_a_users_law_offers_bounds_of_its_own(tmp_path: Path) -> None:
     (bound,) = assess(experiment, plan(experiment)).controllers["mine"].bounds
     heaviest = max(1 / np.linalg.inv(tip_inertia(arm(), x, 0.35))[0, 0] for x in 0.2 * np.sin(np.arange(0, 6, 0.01)))
     assert bound.value == pytest.approx(50.0 / (2 * np.sqrt(800.0 * heaviest)), rel=1e-4)
+
+
+def test_the_documented_hook_keeps_the_rules_of_controllers(tmp_path: Path) -> None:
+    with_hook(tmp_path, documented())
+    assert broken("controllers", (tmp_path / "my_controller.py").read_text(), tmp_path) == {}
 
 
 def test_a_users_law_can_ask_for_the_bounds_of_time_delay_estimation(tmp_path: Path) -> None:

@@ -109,10 +109,17 @@ def test_a_word_that_says_nothing_is_one_sentence(
     assert str(caught.value).startswith(sentence)
 
 
-def test_the_command_shows_that_sentence_alone(folder: Path) -> None:
-    done = run(folder, "hilrig.testing", "metrics", "./kinds/mine.py", "scale=2 N")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "scale: '2 N' is a force [N]; this needs a pure number, e.g. '0.5'\n"
+@pytest.mark.parametrize(
+    ("word", "sentence"),
+    [
+        ("scale=2 N", "scale: '2 N' is a force [N]; this needs a pure number, e.g. '0.5'\n"),
+        ("scale=[2", "scale=[2:1:3: is not YAML: expected ',' or ']', but got '<stream end>', "
+                     "while parsing a flow sequence\n"),
+    ],
+)  # fmt: skip
+def test_the_command_shows_that_sentence_alone(folder: Path, word: str, sentence: str) -> None:
+    done = run(folder, "hilrig.testing", "metrics", "./kinds/mine.py", word)
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", sentence)
 
 
 def test_a_test_is_shown_as_its_kind_and_its_rule(folder: Path) -> None:

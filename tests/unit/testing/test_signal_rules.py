@@ -188,7 +188,7 @@ def test_each_fault_of_a_disturbance_is_noticed(tmp_path: Path, fault: str) -> N
 @pytest.mark.parametrize(("signal", "axis"), [("position", 0), ("force", 1)])
 def test_a_metric_of_errors_of_one_sign_keeps_every_rule(tmp_path: Path, sign: str, signal: str, axis: int) -> None:
     error = f"{sign}(record.{signal} - record.reference_{signal})[:, {axis} if len(record.axes) > 1 else 0]"
-    source = changed(METRIC, measure=f"value = float(np.max({error}, initial=0.0))")
+    source = changed(METRIC, measure=f"value = float(np.max({error}))")
     assert broken("metrics", source, tmp_path) == {}
 
 
