@@ -20,8 +20,9 @@ def run(kinds: Sequence[Chosen], options: Sequence[str]) -> int:
         file, settings = Path(folder, "rules"), Path(folder, "pytest.ini")
         file.touch()  # pytest collects files alone; the plug-in says what is in this one
         settings.write_text("[pytest]\n", encoding="utf-8")
-        place = ["-c", str(settings), "--rootdir", str(Path.cwd()), "-p", "no:cacheprovider", "--no-header"]
-        return int(pytest.main([*place, str(file), *options], plugins=[_Rules(kinds)]))
+        place = ["-c", str(settings), "--rootdir", str(Path.cwd()), "--no-header"]
+        without = ["-p", "no:cacheprovider", "-p", "no:xdist"]  # (workers would not have this plug-in)
+        return int(pytest.main([*place, *without, str(file), *options], plugins=[_Rules(kinds)]))
 
 
 class _Rules:

@@ -134,6 +134,12 @@ def test_a_test_is_shown_as_its_kind_and_its_rule(folder: Path) -> None:
     assert re.search(r"\nFAILED (../kinds/)?mine.py::a_record_of_few_ticks_is_no_error - ", done.stdout)
 
 
+def test_workers_that_would_not_know_the_rules_are_refused(folder: Path) -> None:
+    done = run(folder, "hilrig.testing", "metrics", "effort", "-n", "2")
+    assert done.returncode == 4
+    assert "unrecognized arguments: -n" in done.stderr
+
+
 def test_the_command_says_why_rules_are_skipped(folder: Path) -> None:
     (folder / "kinds" / "mine.py").write_text("import numpy\nraise RuntimeError('no idea')\n")
     done = run(folder, "hilrig.testing", "metrics", "kinds/mine.py", "-q")
