@@ -13,7 +13,9 @@ HilrigError
 from __future__ import annotations
 
 import difflib
+import linecache
 import os
+import re
 import traceback
 from collections.abc import Iterable
 from pathlib import Path
@@ -87,7 +89,26 @@ def raised(error: BaseException) -> str:
     if isinstance(error, SystemExit):
         return f"sys.exit({error.code!r}) was called"
     text = one_line(error)
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+    return f"{type(error).__name__}: {text}{_remedy(text, error)}" if text else type(error).__name__
+
+
+_FIELD_SET = re.compile(r"([\w.]+\.\w+)\s*((?:[-+*/%@&|^]|//|\*\*)?=(?!=)[^#]*)")
+"""An assignment to a field, such as `memory.n += 1`: the field, and the rest"""
+_COMPILED = re.compile(r"No definition for lowering .*\.(\w+) = ")
+"""What numba says of one"""
+
+
+def _remedy(text: str, error: BaseException) -> str:
+    """Return what to write in place of `memory.n += 1`, which Python refuses in three words; empty for other errors."""
+    if compiled := _COMPILED.match(text):
+        target, rest = f"memory.{compiled[1]}", "= ..."
+    elif text == "can't set attribute":
+        place = authors_line(error)
+        found = _FIELD_SET.search(linecache.getline(*place)) if place else None
+        target, rest = found.groups() if found else ("memory.n", "+= 1")
+    else:
+        return ""
+    return f"; write into the array of the NamedTuple: `{target}[:] {rest.strip()}`"
 
 
 def one_line(error: BaseException) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,9 +14,10 @@ import pytest
 
 from hilrig.core.errors import PluginError
 from hilrig.kinds.registry import is_path, kind_names, load_kind
-from hilrig.testing.rule import RULES, NotApplicableError, Rule
+from hilrig.testing.rule import FIRST, RULES, NotApplicableError, Rule
 from hilrig.testing.rules import register_all
-from hilrig.testing.subject import TABLE, Subject, check_values, subject_of
+from hilrig.testing.subject import TABLE, Subject, subject_of
+from hilrig.testing.values import check_values
 
 register_all()
 
@@ -26,35 +27,56 @@ def contract(group: str, *names: str | Path, file_text: str = TABLE, **values: A
 
     `names` are kinds, or paths of Python files relative to the folder of the calling file; without names, every
     installed kind of the group is tested. `values` go to the fields of these names: those without a default, or those
-    whose default has no effect (a disturbance of 0 N). `file_text` is the content of the file that a reference reads.
+    whose default has no effect (a disturbance of 0 N). They are read as an experiment file reads them ("3 N/m",
+    {"kind": "./my_robot.py"}); what a file cannot hold is taken as it is. `file_text` is the content of the file that a
+    reference reads.
 
-    Raises PluginError if there is no such group, and TypeError for a value whose name is not a field of any of the
-    kinds.
+    Raises PluginError if there is no such group, TypeError for a value whose name is not a field of any of the kinds,
+    and ValueError for one that a file could not give it.
     """
     base = Path(sys._getframe(1).f_globals.get("__file__", "")).absolute().parent
-    chosen = [Chosen(group, str(name), base, values, file_text) for name in names or kind_names(group)]
-    check_values(group, [kind.cls for kind in chosen if kind.cls is not None], values)
     cases = [
-        pytest.param(kind, rule, id=f"{kind.id}-{rule.name if rule else 'is_a_kind'}")
-        for kind in chosen
-        for rule in (None, *RULES[group])
+        pytest.param(kind, rule, id=f"{kind.id}-{name}")
+        for kind in choose(base, group, names or kind_names(group), values, file_text)
+        for name, rule in rules_of(group).items()
     ]
 
     @pytest.mark.parametrize(("kind", "rule"), cases)
     def test(kind: Chosen, rule: Rule | None) -> None:
-        if kind.why_not:
-            if rule is None:
-                pytest.fail(kind.why_not, pytrace=False)
-            pytest.skip(f"{kind.name}: no instance of it can be created")
-        if rule is not None:
-            try:
-                sentence = rule.judge(kind.subject)
-            except NotApplicableError as reason:
-                pytest.skip(str(reason))
-            if sentence:
-                pytest.fail(sentence, pytrace=False)
+        look(kind, rule)
 
     return test
+
+
+def rules_of(group: str) -> dict[str, Rule | None]:
+    """Return the rules of a group by name; that it can be loaded and made comes first, and is None."""
+    return {"is_a_kind": None, **{rule.name: rule for rule in RULES[group]}}
+
+
+def look(kind: Chosen, rule: Rule | None) -> None:
+    """Fail with a sentence, or skip with a reason, unless a kind keeps a rule."""
+    if kind.why_not:
+        if rule is None:
+            pytest.fail(kind.why_not, pytrace=False)
+        pytest.skip(f"{kind.name}: no instance of it can be made")
+    if rule is not None:
+        if rule.first and kind.does_not_run:
+            pytest.skip(f"{kind.subject.name}: mend {rule.first.name} first")
+        try:
+            sentence = rule.judge(kind.subject)
+        except NotApplicableError as reason:
+            pytest.skip(str(reason))
+        if sentence:
+            pytest.fail(sentence, pytrace=False)
+
+
+def choose(
+    base: Path, group: str, names: Iterable[str | Path], values: Mapping[str, Any], file_text: str = TABLE
+) -> list[Chosen]:
+    """Return kinds that are to be tested, with relative paths from the folder `base`. Raises as `contract` does."""
+    chosen = [Chosen(group, str(name), base, values, file_text) for name in names]
+    check_values(group, [kind.cls for kind in chosen if kind.cls is not None], values, base)
+    return chosen
 
 
 @dataclass(frozen=True)
@@ -89,6 +111,14 @@ class Chosen:
         except (TypeError, ValueError) as error:
             return f"{self.name}: the test must be able to create one, but {error}"
         return ""
+
+    @cached_property
+    def does_not_run(self) -> bool:
+        """Whether it breaks the first rule of its group."""
+        try:
+            return bool(FIRST[self.group].judge(self.subject))
+        except NotApplicableError:
+            return False
 
     @cached_property
     def subject(self) -> Subject:

@@ -44,6 +44,18 @@ def flawed(
     return dataclasses.replace(shown, **changes)
 
 
+def swinging(scale: float, sign: float) -> PhaseRecord:
+    """Return a phase like `flawed`, whose errors swing about zero while they die out, and begin with this sign."""
+    time, free, pressed = np.arange(2000) * PERIOD, np.array([1.0, 0.0]), np.array([0.0, 1.0])
+    rate = -5 + 20j  # 1/s, of the errors e^(rate t)
+    error, change, bend = ((scale * rate**k * np.exp(rate * time)).real[:, None] for k in range(3))
+    step = sign * 0.01 * free
+    return flawed(
+        scale, position=-step * error, velocity=-step * change, acceleration=-step * bend, reference_step=step,
+        force=np.maximum(3.5 - sign * 4.0 * error, 0.0) * pressed,
+    )  # fmt: skip
+
+
 def rows(whole: PhaseRecord, chosen: Any) -> PhaseRecord:
     """Return these ticks (a slice or a mask) of a record that has more ticks than axes and joints."""
     signals = {field.name: getattr(whole, field.name) for field in dataclasses.fields(whole)}

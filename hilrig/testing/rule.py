@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from hilrig.core.errors import describe_error
+from hilrig.core.errors import describe_error, raised
 from hilrig.kinds.registry import PROTOCOLS
 from hilrig.testing.subject import Subject
 
@@ -38,6 +38,8 @@ class Rule(NamedTuple):
     """Raises Broken or NotApplicableError; any other error comes from the kind"""
     whole: bool
     """Whether `check` takes the Subject, rather than each of its variants in turn"""
+    first: Rule | None
+    """The rule that must be kept before this one is looked at, if there is one"""
 
     def judge(self, subject: Subject) -> str:
         """Return one sentence on how `subject` breaks the rule; empty if it keeps it. Raises NotApplicableError."""
@@ -60,16 +62,24 @@ RULES: dict[str, list[Rule]] = {group: [] for group in GROUPS}
 """The rules of each group, in the order in which they are checked"""
 
 
-def rule(*groups: str, whole: bool = False) -> Callable[[Check], Check]:
+FIRST: dict[str, Rule] = {}
+"""The rule of each group without which those after it say nothing, once it is known: the kind runs at all"""
+
+
+def rule(*groups: str, whole: bool = False, first: bool = False) -> Callable[[Check], Check]:
     """Make a function a rule of these groups: its name names the test, the first line of its docstring is the rule.
 
-    It is called with each variant of a kind, or once with the Subject if `whole`.
+    It is called with each variant of a kind, or once with the Subject if `whole`. For a kind that breaks the `first`
+    rule of its group, the rules after it are not called.
     """
 
     def register(check: Check) -> Check:
         sentence = (inspect.getdoc(check) or "").split("\n")[0].rstrip(".")
         for group in groups:
-            RULES[group].append(Rule(check.__name__, sentence, check, whole))
+            made = Rule(check.__name__, sentence, check, whole, FIRST.get(group))
+            RULES[group].append(made)
+            if first:
+                FIRST[group] = made
         return check
 
     return register
@@ -114,5 +124,5 @@ def _told(error: Exception, subject: Subject) -> str:
     if isinstance(error, Broken):
         return str(error)
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == subject.file]
-    what = f"{type(error).__name__}: {error} (line {frames[-1].lineno})" if frames else describe_error(error)
+    what = f"{raised(error)} (line {frames[-1].lineno})" if frames else describe_error(error)
     return " ".join([*getattr(error, "__notes__", ()), f"it raised {what}"])

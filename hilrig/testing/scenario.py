@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from hilrig import Array, Impedance, Kinematics, Law, Reference, State, Task
+from hilrig.core.assessment import Setting, TipPath
 
 PERIOD = 1e-3
 TICKS = 200
@@ -57,6 +58,12 @@ def scenario(axes: int, model: bool = True) -> Scenario:
     numbers = [k for k in range(TICKS) if k not in MISSED]
     gaps = np.diff(numbers, prepend=-1)
     return Scenario(task, [_tick(k, gap * PERIOD, axes, model) for k, gap in zip(numbers, gaps.tolist(), strict=True)])
+
+
+def setting(axes: int, model: bool = True) -> Setting:
+    """Return what `assess` is given on so many axes: two conditions, one with a longer delay than the other."""
+    given = scenario(axes, model)
+    return Setting(given.task, 0.5, 10.0, 100.0, (_path(given, "early", 1), _path(given, "late", 4)))
 
 
 def arrays(group: Any) -> Iterator[tuple[str, Array]]:
@@ -110,3 +117,17 @@ def _tick(k: int, elapsed: float, axes: int, model: bool) -> Tick:
         pressed * (3.5 if k < TICKS // 2 else 5.0),
     )  # fmt: skip
     return Tick(State(q, rate, *at, force, torque, elapsed), reference)
+
+
+def _path(given: Scenario, condition: str, delay: int) -> TipPath:
+    """Return the path of the scenario's tip, every ten ticks."""
+    ticks = given.ticks[::10]
+    jacobian = np.array([tick.state.jacobian for tick in ticks])
+    modelled = given.task.dynamic_parameters.size > 0
+    return TipPath(
+        condition, delay, np.cumsum([tick.state.elapsed for tick in ticks]),
+        np.array([tick.state.position for tick in ticks]),
+        Reference(*(np.array(signal) for signal in zip(*(tick.reference for tick in ticks), strict=True))),
+        jacobian, jacobian @ jacobian.transpose(0, 2, 1) / MASS if modelled else None,
+        tuple(f"condition '{condition}', place {k}" for k in range(len(ticks))),
+    )  # fmt: skip

@@ -7,19 +7,22 @@ import inspect
 import itertools
 import types
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from hilrig import Parameter
-from hilrig.core.errors import PluginError, nearest
+from hilrig.core.errors import PluginError
 from hilrig.kinds.registry import PROTOCOLS, group_of, is_path, load_kind
 from hilrig.kinds.robots.planar_2r import Planar2r
+from hilrig.testing.values import read_values
 
 MOST_VARIANTS = 64
 """Maximum number of combinations of a kind's choices; further ones are not checked"""
 ALL_CHOICES = ("controllers", "references", "disturbances", "metrics")
 """Groups whose kinds are tested with each choice. A robot or a plant may offer one that is wrong on purpose"""
+ZEROS = ("references",)
+"""Groups whose kinds are also tested with another value of each number whose default is 0"""
 TABLE = "time,value\n0,0\n1,0.8\n2,0.9\n3,0.1\n4,-0.8\n"
 """File text for a reference that reads a file: five points, roughly a sine"""
 
@@ -50,14 +53,15 @@ class Subject:
 
 
 def subject_of(group: str, kind: str, base: Path, values: Mapping[str, Any], file_text: str = TABLE) -> Subject:
-    """Return a kind with its instances; `values` go to the fields of these names.
+    """Return a kind with its instances; `values`, as an author gives them, go to the fields of these names.
 
     `base` is the folder that a path starts from; `file_text` is given to a reference that reads a file. Raises
     PluginError if there is no such kind, and TypeError or ValueError if no instance can be made.
     """
     cls = load_kind(group, kind, base)
+    values = read_values(cls, values, base)
     variants = (
-        list(itertools.islice(_variants(cls, values), MOST_VARIANTS))
+        list(itertools.islice(_variants(cls, values, group in ZEROS), MOST_VARIANTS))
         if group in ALL_CHOICES
         else [example(cls, **values)]
     )
@@ -65,15 +69,6 @@ def subject_of(group: str, kind: str, base: Path, values: Mapping[str, Any], fil
         variants = [variant.filled(file_text) for variant in variants]
     whole, name = (str(base / kind), Path(kind).name) if is_path(kind) else (kind, kind)
     return Subject(group, whole, name, cls, inspect.getsourcefile(cls) or "", tuple(variants), bool(values))
-
-
-def check_values(group: str, classes: Sequence[type], values: Mapping[str, Any]) -> None:
-    """Raise TypeError for a value whose name is not a field of any of the classes."""
-    names = {field.name for cls in classes for field in dataclasses.fields(cls)}
-    for name in values if classes else ():
-        if name not in names:
-            listed = ", ".join(sorted(names)) or "none"
-            raise TypeError(f"there is no field '{name}' of {group}{nearest(name, names)} (fields: {listed})")
 
 
 def example(cls: type, **values: Any) -> Any:
@@ -116,16 +111,34 @@ def _bare(hint: Any) -> Any:
     return hint.__origin__ if hasattr(hint, "__metadata__") else hint
 
 
-def _variants(cls: type, values: Mapping[str, Any]) -> Iterator[Any]:
-    """Yield an instance for each combination of the fields that offer a choice of words; the defaults come first."""
-    first = example(cls, **values)
-    choices = {
-        name: (getattr(first, name), *(word for word in typing.get_args(hint) if word != getattr(first, name)))
-        for name, (hint, _) in parameters(cls).items()
-        if typing.get_origin(hint) is typing.Literal and name not in values
-    }
+def _variants(cls: type, values: Mapping[str, Any], zeros: bool) -> Iterator[Any]:
+    """Yield an instance for each combination of a kind's choices; the defaults come first."""
+    choices = _choices(cls, values, zeros)
     for combination in itertools.product(*choices.values()):
-        yield example(cls, **{**values, **dict(zip(choices, combination, strict=True))})
+        chosen = dict(zip(choices, combination, strict=True))
+        try:
+            yield example(cls, **{**values, **chosen})
+        except ValueError:
+            continue  # a number that does not fit the others
+
+
+def _choices(cls: type, values: Mapping[str, Any], zeros: bool) -> dict[str, tuple[Any, ...]]:
+    """Return what there is to choose from for the fields that are not among `values`: the default, and what else.
+
+    These are the fields that are a choice between words and, with `zeros`, numbers whose default is 0, which may hide
+    what depends on them.
+    """
+    first = example(cls, **values)
+    found: dict[str, tuple[Any, ...]] = {}
+    for name, (hint, parameter) in parameters(cls).items():
+        now = getattr(first, name)
+        if name in values:
+            continue
+        if typing.get_origin(hint) is typing.Literal:
+            found[name] = (now, *(word for word in typing.get_args(hint) if word != now))
+        elif zeros and type(now) in (int, float) and now == 0:
+            found[name] = (now, type(now)(_number(parameter) or _number(parameter, -1.5)))
+    return found
 
 
 _NAMED = {"axis": "z", "file": "table.csv", "column": "value"}
@@ -135,10 +148,10 @@ _ROBOT = Planar2r((1.5, 1.5), (1.5, 1.5))
 
 def _value(name: str, hint: Any) -> Any:
     """Return a value for the field `name` with this annotation."""
-    kind, known = _bare(hint), parameter_of(hint) or Parameter("")
+    kind = _bare(hint)
     if typing.get_origin(kind) in (typing.Union, types.UnionType):
         kind = next(part for part in typing.get_args(kind) if part is not types.NoneType)
-    number = float(min(max(1.5, known.low), known.high))
+    number = _number(parameter_of(hint))
     of_a_robot = group_of(kind) == "robots"
     if of_a_robot and (kind is PROTOCOLS["robots"] or kind is Planar2r):
         return _ROBOT
@@ -156,3 +169,8 @@ def _value(name: str, hint: Any) -> Any:
     if name in _NAMED:
         return _NAMED[name]
     raise TypeError(f"its field '{name}' has no default and takes {hint}; give the test a value, as in {name}=...")
+
+
+def _number(parameter: Parameter | None, wanted: float = 1.5) -> float:
+    """Return the number that is wanted, moved into the bounds of its parameter."""
+    return float(min(max(wanted, parameter.low), parameter.high)) if parameter else wanted

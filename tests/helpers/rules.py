@@ -5,6 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from hilrig.testing.contract import choose, look, rules_of
 from hilrig.testing.rule import RULES, NotApplicableError
 from hilrig.testing.rules import register_all
 from hilrig.testing.subject import subject_of
@@ -46,3 +49,23 @@ def assert_noticed(group: str, source: str, folder: Path, rule: str, words: str,
     assert ", but " in sentence, sentence
     assert words in sentence, sentence
     assert "\n" not in sentence, sentence
+
+
+def assert_the_first_rule_alone(group: str, source: str, folder: Path, first: str, words: str, **values: Any) -> None:
+    """Check that a kind fails its first rule with these words, and that those after it are skipped for one reason."""
+    (folder / "mine.py").write_text(source)
+    (kind,) = choose(folder, group, ["./mine.py"], values)
+    failed: dict[str, str] = {}
+    skipped: dict[str, str] = {}
+    for name, rule in rules_of(group).items():
+        try:
+            look(kind, rule)
+        except pytest.fail.Exception as failure:
+            failed[name] = str(failure)
+        except pytest.skip.Exception as reason:
+            skipped[name] = str(reason)
+    assert list(failed) == [first]
+    assert words in failed[first]
+    assert set(skipped.values()) == {f"mine.py: mend {first} first"}
+    assert list(rules_of(group))[-len(skipped) :] == list(skipped)
+    assert list(rules_of(group))[-len(skipped) - 1] == first

@@ -81,60 +81,60 @@ def _read_only(value: Any) -> Any:
 def _checked(found: Any, controller: Assessing) -> Assessment:
     """Return a controller's assessment, checked. Raises PluginError, naming the line of its `assess`."""
     try:
-        return _assessment(found)
-    except _NotAnAssessmentError as error:
+        return accepted(found)
+    except NotAnAssessmentError as error:
         code = getattr(inspect.unwrap(type(controller).assess), "__code__", None)
         where = f"{code.co_filename}:{code.co_firstlineno}" if code else place_of(type(controller))
         raise PluginError(f"{where}: assess: {error}") from error
 
 
-class _NotAnAssessmentError(Exception):
-    """A controller returned something else; the message says what is wrong with it."""
+class NotAnAssessmentError(Exception):
+    """A controller's `assess` returned something else; the message says what is wrong with it."""
 
 
-def _assessment(found: Any) -> Assessment:
-    """Return the assessment with plain data. Raises _NotAnAssessmentError."""
+def accepted(found: Any) -> Assessment:
+    """Return the assessment with plain data. Raises NotAnAssessmentError."""
     if not isinstance(found, Assessment):
-        raise _NotAnAssessmentError(f"it must return an Assessment, not {_shown(found)}")
+        raise NotAnAssessmentError(f"it must return an Assessment, not {_shown(found)}")
     for name, kind in (("bounds", Bound), ("unknown", str)):
         items = getattr(found, name)
         if not isinstance(items, (tuple, list)):
-            raise _NotAnAssessmentError(f"'{name}' must be a tuple, not {_shown(items)}")
+            raise NotAnAssessmentError(f"'{name}' must be a tuple, not {_shown(items)}")
         for item in items:
             if not isinstance(item, kind):
-                raise _NotAnAssessmentError(f"'{name}' must hold {kind.__name__}, not {_shown(item)}")
+                raise NotAnAssessmentError(f"'{name}' must hold {kind.__name__}, not {_shown(item)}")
     if not isinstance(found.note, str):
-        raise _NotAnAssessmentError(f"'note' must be text, not {_shown(found.note)}")
+        raise NotAnAssessmentError(f"'note' must be text, not {_shown(found.note)}")
     return Assessment(tuple(_checked_bound(bound) for bound in found.bounds), tuple(found.unknown), found.note)
 
 
 def _checked_bound(bound: Bound) -> Bound:
-    """Return the bound with plain floats. Raises _NotAnAssessmentError."""
+    """Return the bound with plain floats. Raises NotAnAssessmentError."""
     who = f"bound '{bound.name}'"
     for name in ("name", "unit", "warning", "where", "basis"):
         if not isinstance(text := getattr(bound, name), str):
-            raise _NotAnAssessmentError(f"{who}: '{name}' must be text, not {_shown(text)}")
+            raise NotAnAssessmentError(f"{who}: '{name}' must be text, not {_shown(text)}")
     if bound.must not in ("below", "above"):
-        raise _NotAnAssessmentError(f"{who}: 'must' is {_shown(bound.must)}; it must be 'below' or 'above'")
+        raise NotAnAssessmentError(f"{who}: 'must' is {_shown(bound.must)}; it must be 'below' or 'above'")
     if bound.recorded_as not in ("", "command_age"):
-        raise _NotAnAssessmentError(
+        raise NotAnAssessmentError(
             f"{who}: 'recorded_as' is {_shown(bound.recorded_as)}; it must be 'command_age' or ''"
         )
     if bound.recorded_as == "command_age" and bound.unit != "s":
-        raise _NotAnAssessmentError(f"{who}: 'unit' is {_shown(bound.unit)}; a command_age is recorded in 's'")
+        raise NotAnAssessmentError(f"{who}: 'unit' is {_shown(bound.unit)}; a command_age is recorded in 's'")
     if not isinstance(bound.about, (tuple, list)) or not all(isinstance(key, (str, int)) for key in bound.about):
-        raise _NotAnAssessmentError(f"{who}: 'about' must be keys, such as ('gain',), not {_shown(bound.about)}")
+        raise NotAnAssessmentError(f"{who}: 'about' must be keys, such as ('gain',), not {_shown(bound.about)}")
     value, limit = (_number(who, name, getattr(bound, name)) for name in ("value", "limit"))
     return bound._replace(value=value, limit=limit, about=tuple(bound.about))
 
 
 def _number(who: str, name: str, value: Any) -> float:
-    """Return a number of a bound, which may be infinite. Raises _NotAnAssessmentError."""
+    """Return a number of a bound, which may be infinite. Raises NotAnAssessmentError."""
     array = np.asarray(value if isinstance(value, (int, float, np.ndarray, np.generic)) else None)
     if array.dtype.kind not in "iuf" or array.size != 1:
-        raise _NotAnAssessmentError(f"{who}: '{name}' must be one number, not {_shown(value)}")
+        raise NotAnAssessmentError(f"{who}: '{name}' must be one number, not {_shown(value)}")
     if np.isnan(array).any():
-        raise _NotAnAssessmentError(f"{who}: '{name}' is not a number (nan)")
+        raise NotAnAssessmentError(f"{who}: '{name}' is not a number (nan)")
     return float(array.reshape(()))
 
 

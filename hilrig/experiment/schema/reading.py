@@ -149,7 +149,8 @@ def _read_kind(group: str, allowed: type | None, data: Any, context: Context) ->
     """Return the kind of `group` that `data`, a mapping with `kind` and parameters, describes. Raises InvalidError."""
     known = ", ".join(plugins.kind_names(group))
     if not isinstance(data, dict) or "kind" not in data:
-        found = "'kind' is missing" if isinstance(data, dict) else f"{shown(data)} is not a mapping with 'kind'"
+        such = f", such as {{kind: {shortened(data)}}}" if isinstance(data, str) else ""
+        found = "'kind' is missing" if isinstance(data, dict) else f"{shown(data)} is not a mapping with 'kind'{such}"
         raise invalid(f"{found}; kinds of {group}: {known}")
     kind = data["kind"]
     if not isinstance(kind, str):

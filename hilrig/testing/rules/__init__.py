@@ -1,8 +1,10 @@
-"""The rules, one file per group; two for drivers."""
+"""The rules, one file per group; two for controllers and for drivers."""
 
 from importlib import import_module
 
-FILES = ("every_kind", "controllers", "references", "disturbances", "robots", "drivers", "plants", "metrics")
+FILES = (
+    "every_kind", "controllers", "assessments", "references", "disturbances", "robots", "drivers", "plants", "metrics",
+)  # fmt: skip
 
 
 def register_all() -> None:

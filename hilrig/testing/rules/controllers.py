@@ -18,12 +18,16 @@ MANY = 30
 """Ticks after which a law's memory is no longer empty"""
 
 
-@rule("controllers")
-def start_returns_a_law(controller: Controller) -> None:
-    """`start` must return a Law of step, parameters and memory."""
-    law = controller.start(*_task_and_state(_scenario(controller)))
-    require(isinstance(law, Law), f"it returned a {type(law).__name__}")
+@rule("controllers", first=True)
+def the_law_starts_and_its_step_runs(controller: Controller) -> None:
+    """`start` must return a Law of step, parameters and memory, and its `step` must run."""
+    with noting("in `start`"):
+        law, given = _begun(controller)
+    require(isinstance(law, Law), f"`start` returned a {type(law).__name__}")
     require(callable(law.step), f"its `step` is a {type(law.step).__name__}, which cannot be called")
+    for k, tick in enumerate(given.ticks):
+        with noting(f"in `step`, at tick {k},"):
+            law.step(law.parameters, law.memory, *tick)
 
 
 @rule("controllers")
@@ -71,7 +75,7 @@ def memory_can_be_recorded(controller: Controller) -> None:
 @rule("controllers")
 def memory_fields_are_arrays_of_their_own(controller: Controller) -> None:
     """Each field of the memory must be a separate array, new for each law."""
-    given = _scenario(controller)
+    given = fitting(controller)
     one, two = (controller.start(*_task_and_state(given)) for _ in range(2))
     fields = list(_memory(one).items())
     for i, (name, array) in enumerate(fields):
@@ -102,7 +106,7 @@ def memory_is_all_that_a_law_remembers(controller: Controller) -> None:
     first, given = _begun(controller)
     for tick in given.ticks[:MANY]:
         step(first, tick)
-    again = _scenario(controller)
+    again = fitting(controller)
     second = controller.start(*_task_and_state(again))
     for name, array in _memory(first).items():
         _memory(second)[name][...] = array
@@ -120,7 +124,7 @@ def memory_is_all_that_a_law_remembers(controller: Controller) -> None:
 @rule("controllers")
 def start_only_reads_what_it_is_given(controller: Controller) -> None:
     """`start` must only read the task and the state."""
-    given, untouched = _scenario(controller), _scenario(controller)
+    given, untouched = fitting(controller), fitting(controller)
     controller.start(*_task_and_state(given))
     _require_unchanged(given, untouched)
 
@@ -132,7 +136,7 @@ def step_only_reads_what_it_is_given(controller: Controller) -> None:
     The loop records and judges by the same arrays: a law that writes into its reference would change its own score.
     """
     law, given = _begun(controller)
-    untouched = _scenario(controller)
+    untouched = fitting(controller)
     for k, tick in enumerate(given.ticks):
         step(law, tick)
         _require_unchanged(given, untouched, k)
@@ -143,7 +147,7 @@ def a_law_copies_what_it_keeps(controller: Controller) -> None:
     """A law must copy what it keeps from the state and the reference: their arrays are overwritten at every tick."""
     law, given = _begun(controller)
     expected = [step(law, tick) for tick in given.ticks]
-    again = _scenario(controller)
+    again = fitting(controller)
     for k, tick in enumerate(again.reusing()):
         if k == 0:
             law = controller.start(again.task, tick.state)
@@ -209,7 +213,7 @@ def a_wrong_number_of_values_is_refused_by_name(controller: Any) -> None:
 @rule("controllers")
 def without_a_model_it_works_or_refuses(controller: Controller) -> None:
     """With a robot that has no dynamic model a law must work, or `start` must refuse with a ValueError that says so."""
-    given = scenario(len(_scenario(controller).task.axes), model=False)
+    given = scenario(len(fitting(controller).task.axes), model=False)
     try:
         law = controller.start(*_task_and_state(given))
     except ValueError as error:
@@ -220,8 +224,8 @@ def without_a_model_it_works_or_refuses(controller: Controller) -> None:
             require(np.isfinite(step(law, tick)).all(), "its torque is not finite")
 
 
-def _scenario(controller: Controller) -> Scenario:
-    """Return a scenario on as many axes as the controller takes: two, or else one or three."""
+def fitting(controller: Controller) -> Scenario:
+    """Return a new scenario on as many axes as the controller takes: two, or else one or three."""
     refusals = []
     for m in (2, 1, 3):
         given = scenario(m)
@@ -235,7 +239,7 @@ def _scenario(controller: Controller) -> Scenario:
 
 
 def _begun(controller: Controller) -> tuple[Law, Scenario]:
-    given = _scenario(controller)
+    given = fitting(controller)
     return controller.start(*_task_and_state(given)), given
 
 

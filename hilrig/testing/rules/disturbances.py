@@ -15,6 +15,12 @@ from hilrig.testing.subject import Subject, parameters
 FIELDS = tuple(named(applied()))
 
 
+@rule("disturbances", first=True)
+def it_can_be_applied(disturbance: Disturbance) -> None:
+    """`apply` must run on a schedule of 4 s, two joints and the axes x and z."""
+    applied(disturbance)
+
+
 @rule("disturbances", whole=True)
 def acts_on_names_fields_of_the_schedule(subject: Subject) -> None:
     """`acts_on` must name fields of the DisturbanceSchedule."""

@@ -54,6 +54,15 @@ def it_says_what_it_drives(driver: Driver) -> None:
     require(gain is None or gain > 0, f"its servo gain is {gain!r}")
 
 
+@rule("drivers", first=True)
+def a_plant_begins_and_runs(driver: Driver) -> None:
+    """A plant must begin, be measured, tell its truth, be held, advance and be closed."""
+    with begun(driver) as plant:
+        swing(driver, plant)
+        plant.measure(still(driver.robot))
+        plant.truth(still(driver.robot))
+
+
 @rule("drivers")
 def measurements_have_their_shapes(driver: Driver) -> None:
     """`measure` must return q (n,), the wrench (6,) and the applied torque (n,) as finite float64 arrays."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hilrig import Metric, PhaseRecord
-from hilrig.testing.records import flawed, rows
+from hilrig.testing.records import flawed, rows, swinging
 from hilrig.testing.rule import noting, require, rule, same
 from hilrig.testing.subject import Subject
 
@@ -27,7 +27,7 @@ def the_unit_is_a_text(subject: Subject) -> None:
     require(isinstance(unit, str), f"it is {unit!r}")
 
 
-@rule("metrics")
+@rule("metrics", first=True)
 def values_are_finite_numbers_by_axis(metric: Metric) -> None:
     """`measure` must return a finite float for each axis, or one under "" where there is no axis."""
     values = _measured(metric, flawed())
@@ -40,14 +40,24 @@ def values_are_finite_numbers_by_axis(metric: Metric) -> None:
 def lower_is_better(metric: Metric) -> None:
     """A trial with larger errors, torques and delays must not score less.
 
-    A report marks the lowest value as the best.
+    A report marks the lowest value as the best. The errors have both signs, so that a metric of one of them may pass.
     """
-    none, small, large = (_measured(metric, flawed(scale)) for scale in (0.0, 1.0, 3.0))
-    for axis in small:
-        scores = [values.get(axis, np.nan) for values in (none, small, large)]
-        rising = all(not later < earlier for earlier, later in itertools.pairwise(scores))
-        require(rising, f"trials without, with small and with large errors score {scores} for '{axis}'")
-    require(none != large, f"every trial scores {none}")
+    everything: list[dict[str, float]] = []
+    for sign, first in ((1.0, "below"), (-1.0, "above")):
+        none, small, large = (_measured(metric, swinging(scale, sign)) for scale in (0.0, 1.0, 3.0))
+        for axis in small:
+            scores = [values.get(axis, np.nan) for values in (none, small, large)]
+            rising = all(not later < earlier for earlier, later in itertools.pairwise(scores))
+            require(
+                rising,
+                "without errors, with some and with three times as large ones it gave {} for {} "
+                "on 2 s in which position and force swing about their references, first {} them, and come to rest",
+                scores,
+                f"'{axis}'",
+                first,
+            )
+        everything += [none, large]
+    require(any(values != everything[0] for values in everything), f"every trial scores {everything[0]}")
 
 
 @rule("metrics")

@@ -14,7 +14,7 @@ JUMPS = 0.05
 """Fraction of the times at which a rate may jump"""
 
 
-@rule("references")
+@rule("references", first=True)
 def samples_are_three_finite_arrays(signal: ReferenceSignal) -> None:
     """`sample` must return value, rate and acceleration as finite float64 arrays, one entry for each time."""
     for times in (_times(), _times()[:1], _times()[:0]):

@@ -23,7 +23,7 @@ class Pose(NamedTuple):
     rate: Array
 
 
-@rule("robots")
+@rule("robots", first=True)
 def sizes_agree(robot: Robot) -> None:
     """Joints, axes, limits, geometry and regressor must be finite float64 arrays of consistent sizes."""
     n, m, p = robot.joints, len(robot.axes), robot.dynamic_parameters().size

@@ -45,6 +45,31 @@ def caught(tmp_path: Path, code: str) -> BaseException:
 
 
 @pytest.mark.parametrize(
+    ("slip", "mended"),
+    [
+        ("memory.n += 1  # ticks", "memory.n[:] += 1"),
+        ("memory.n = memory.n + 1", "memory.n[:] = memory.n + 1"),
+        ("if memory.n == 0: memory.n -= 1", "memory.n[:] -= 1"),
+        ("setattr(memory, 'n', 1)", "memory.n[:] += 1"),
+    ],
+)
+def test_a_field_of_a_named_tuple_that_is_set_is_told_what_to_write(tmp_path: Path, slip: str, mended: str) -> None:
+    error = caught(
+        tmp_path, f"from collections import namedtuple\nmemory = namedtuple('M', 'n')(np.zeros(1))\n{slip}\n"
+    )
+    assert raised(error) == f"AttributeError: can't set attribute; write into the array of the NamedTuple: `{mended}`"
+
+
+def test_so_is_one_that_is_set_in_compiled_code(tmp_path: Path) -> None:
+    error = caught(
+        tmp_path,
+        "from typing import NamedTuple\nimport numba\nclass Memory(NamedTuple):\n    n: np.ndarray\n"
+        "@numba.njit\ndef step(memory):\n    memory.n += 1\nstep(Memory(np.zeros(1)))\n",
+    )
+    assert raised(error).endswith("; write into the array of the NamedTuple: `memory.n[:] = ...`")
+
+
+@pytest.mark.parametrize(
     ("code", "line"),
     [
         ("x = 1\ny = x / 0\n", 2),

@@ -13,6 +13,7 @@ import pytest
 from helpers.bounds import BEST, DERIVED, PRINTED, UPPER, estimating, tip_inertia
 from helpers.builders import arm
 from helpers.experiments import EXPERIMENTS, parameters
+from helpers.rules import broken
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -174,6 +175,11 @@ def test_the_example_says_what_it_cannot_judge_of_a_robot_without_a_model(tmp_pa
     assert found.bounds == ()
     (sentence,) = found.unknown
     assert sentence.endswith("the robot has no model")
+
+
+def test_the_documented_hook_keeps_the_rules_of_controllers(tmp_path: Path) -> None:
+    with_hook(tmp_path, documented())
+    assert broken("controllers", (tmp_path / "my_controller.py").read_text(), tmp_path) == {}
 
 
 def test_a_users_law_can_ask_for_the_bounds_of_time_delay_estimation(tmp_path: Path) -> None:

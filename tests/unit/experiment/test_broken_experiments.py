@@ -52,7 +52,7 @@ BROKEN: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "kind missing": ("{kind: pd}", "§{stiffness: 3}", ("'kind' is missing", "adaptive")),
     "kind is a number": ("{kind: pd}", "{kind: §3}", ("3 is not a kind",)),
     "kind of another group": ("{kind: pd}", "{kind: §sine}", ("'sine'", "controllers", "adaptive")),
-    "controller is a text": ("pd: {kind: pd}", "pd: §pd", ("'pd' is not a mapping with 'kind'",)),
+    "controller is a text": ("pd: {kind: pd}", "pd: §pd", ("'pd' is not a mapping with 'kind', such as {kind: pd}",)),
     "file that is not there": ("{kind: pd}", "{kind: §./nothing.py}", ("nothing.py", "cannot be read")),
     # numbers at the edge
     "too large a float": ("position: 0.35 m", "position: §1e400", ("1e400 is not a finite number",)),

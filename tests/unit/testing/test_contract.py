@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 from helpers.patience import PATIENCE
 
-from hilrig.core.errors import PluginError
+from hilrig.core.errors import HilrigError, PluginError
 from hilrig.testing import contract
+from hilrig.testing.__main__ import main
 
 KIND = '''
 """A metric of somebody's own."""
@@ -80,10 +81,69 @@ def test_a_wrong_call_says_what_is_wrong(folder: Path) -> None:
     assert done.stderr.startswith("there is no group 'metric'; did you mean 'metrics'?")
     done = run(folder, "hilrig.testing", "references", "scale=2", "-q")
     assert done.returncode == 2
+    assert done.stdout == ""
     assert done.stderr.startswith("name a kind of references (csv, hold, ")
     done = run(folder, "hilrig.testing")
     assert done.returncode == 2
     assert "GROUP" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("scael=2",), "there is no field 'scael' of metrics; did you mean 'scale'? (fields: scale)"),
+        (("scale=2 N",), "scale: '2 N' is a force [N]; this needs a pure number"),
+        (("scale=20",), "scale: 20 is not allowed; this needs a pure number, e.g. '0.5' (from 0 to 10)"),
+        (("scale={2",), "scale={2:1:3: is not YAML: "),
+        (("nope",), "'nope' is no kind of metrics (known: auxiliary_error_rmse, "),
+        (("efort",), "'efort' is no kind of metrics; did you mean 'effort'? (known: "),
+        (("kinds/nope.py",), "there is no file kinds/nope.py"),
+    ],
+)
+def test_a_word_that_says_nothing_is_one_sentence(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], sentence: str
+) -> None:
+    monkeypatch.chdir(folder)
+    with pytest.raises(HilrigError) as caught:
+        main(["metrics", "./kinds/mine.py", *words])
+    assert str(caught.value).startswith(sentence)
+
+
+@pytest.mark.parametrize(
+    ("word", "sentence"),
+    [
+        ("scale=2 N", "scale: '2 N' is a force [N]; this needs a pure number, e.g. '0.5'\n"),
+        ("scale=[2", "scale=[2:1:3: is not YAML: expected ',' or ']', but got '<stream end>', "
+                     "while parsing a flow sequence\n"),
+    ],
+)  # fmt: skip
+def test_the_command_shows_that_sentence_alone(folder: Path, word: str, sentence: str) -> None:
+    done = run(folder, "hilrig.testing", "metrics", "./kinds/mine.py", word)
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", sentence)
+
+
+def test_a_test_is_shown_as_its_kind_and_its_rule(folder: Path) -> None:
+    done = run(folder, "hilrig.testing", "metrics", "./kinds/mine.py", "effort", "-v", "--tb=no")
+    assert "\nFAILED kinds/mine.py::a_record_of_few_ticks_is_no_error - " in done.stdout
+    assert "\nkinds/mine.py::is_a_kind PASSED" in done.stdout
+    assert "\neffort::lower_is_better PASSED" in done.stdout
+    assert "tmp" not in done.stdout
+    done = run(folder, "hilrig.testing", "metrics", str(folder / "kinds" / "mine.py"), "-q")
+    assert "\nFAILED mine.py::a_record_of_few_ticks_is_no_error - " in done.stdout
+    done = run(folder / "kinds", "hilrig.testing", "metrics", "../kinds/mine.py", "-q")
+    assert re.search(r"\nFAILED (../kinds/)?mine.py::a_record_of_few_ticks_is_no_error - ", done.stdout)
+
+
+def test_workers_that_would_not_know_the_rules_are_refused(folder: Path) -> None:
+    done = run(folder, "hilrig.testing", "metrics", "effort", "-n", "2")
+    assert done.returncode == 4
+    assert "unrecognized arguments: -n" in done.stderr
+
+
+def test_the_command_says_why_rules_are_skipped(folder: Path) -> None:
+    (folder / "kinds" / "mine.py").write_text("import numpy\nraise RuntimeError('no idea')\n")
+    done = run(folder, "hilrig.testing", "metrics", "kinds/mine.py", "-q")
+    assert re.search(r"^SKIPPED 1\d rules: kinds/mine.py: no instance of it can be made$", done.stdout, re.MULTILINE)
 
 
 def test_a_kind_that_cannot_be_loaded_is_one_failure(folder: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from helpers.rules import assert_noticed, broken, changed
+from helpers.rules import assert_noticed, assert_the_first_rule_alone, broken, changed
 
 GOOD = '''
 """A law of somebody's own."""
@@ -52,7 +52,9 @@ class Mine:
         return torque
 '''
 FAULTS = {
-    "start_returns_a_law": ({"start": "return self.step, (task, gain), Memory(p, v, integral)"}, "it returned a tuple"),
+    "the_law_starts_and_its_step_runs": (
+        {"start": "return self.step, (task, gain), Memory(p, v, integral)"}, "`start` returned a tuple",
+    ),
     "dimensions_come_from_the_task": (
         {"start": "integral = np.zeros(2)"}, "but on one axis it raised ValueError: ",
     ),
@@ -76,6 +78,10 @@ FAULTS = {
     "memory_is_written_in_place": (
         {"first": "memory = Memory(*(part.copy() for part in memory))"},
         "all of it is unchanged",
+    ),
+    "memory_is_written_in_place slip": (
+        {"early": "memory.integral += state.elapsed * error"},
+        "write into the array of the NamedTuple: `memory.integral[:] += state.elapsed * error` (line 39)",
     ),
     "memory_is_all_that_a_law_remembers": (
         {"early": "SHARED.append(1.0); error = error + 1e-6 * len(SHARED)"},
@@ -122,7 +128,7 @@ FAULTS = {
         "three values of 'gain' were taken for two axes",
     ),
     "without_a_model_it_works_or_refuses": (
-        {"start": "assert task.dynamic_parameters.size"}, "it raised AssertionError:  (line 26)",
+        {"start": "assert task.dynamic_parameters.size"}, "it raised AssertionError (line 26)",
     ),
     "parameters_can_be_searched": (
         {"field": "other: Annotated[float, Parameter('s', 'T', 0)] = 1.0"}, "those of 'other' are 0 and inf",
@@ -156,3 +162,16 @@ def test_every_choice_is_looked_at_and_named(tmp_path: Path) -> None:
         "mine.py with mode='wrong': `step` must return an array with one finite torque for each joint, at every tick, "
         "but at tick 0 it returned an array (1,) instead of (2,)"
     )
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        ("start", "mine.py: `start` must return a Law of step, parameters and memory, and its `step` must run, "
+                  "but in `start` it raised ZeroDivisionError: division by zero (line 26)"),
+        ("early", "but in `step`, at tick 0, it raised ZeroDivisionError: division by zero (line 39)"),
+    ],
+)  # fmt: skip
+def test_an_exception_is_told_once(tmp_path: Path, place: str, words: str) -> None:
+    source = changed(GOOD, **{place: "1 / 0"})
+    assert_the_first_rule_alone("controllers", source, tmp_path, "the_law_starts_and_its_step_runs", words)

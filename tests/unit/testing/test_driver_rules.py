@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from helpers.builders import arm, surface
-from helpers.rules import assert_noticed, broken, changed
+from helpers.rules import assert_noticed, assert_the_first_rule_alone, broken, changed
 
 GOOD = '''
 """A plant of somebody's own: hilrig's arm, one call away."""
@@ -208,3 +208,9 @@ def test_a_real_plant_is_not_moved(tmp_path: Path) -> None:
 def test_a_surface_out_of_reach_is_said(tmp_path: Path) -> None:
     sentence = broken("drivers", GOOD, tmp_path, "advance_moves_the_plant", robot=arm(), surface=surface(position=9.0))
     assert "the robot reaches no point on its surface, at 9 m along z; give the test a surface" in str(sentence)
+
+
+@pytest.mark.parametrize("place", ["begin", "measure", "advance", "hold", "truth", "close"])
+def test_an_exception_is_told_once(tmp_path: Path, place: str) -> None:
+    source, words = changed(GOOD, **{place: "1 / 0"}), "it raised ZeroDivisionError: division by zero (line "
+    assert_the_first_rule_alone("drivers", source, tmp_path, "a_plant_begins_and_runs", words, **VALUES)

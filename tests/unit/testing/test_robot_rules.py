@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from helpers.rules import assert_noticed, broken, changed
+from helpers.rules import assert_noticed, assert_the_first_rule_alone, broken, changed
 
 GOOD = '''
 """A robot of somebody's own: a turning arm with a sliding joint at its end."""
@@ -122,3 +122,8 @@ def test_a_robot_without_a_model_keeps_every_rule_that_there_is_for_it(tmp_path:
 def test_each_fault_is_noticed_and_told(tmp_path: Path, fault: str) -> None:
     replacements, words = FAULTS[fault]
     assert_noticed("robots", changed(GOOD, **replacements), tmp_path, fault.split()[0], words)
+
+
+def test_an_exception_is_told_once(tmp_path: Path) -> None:
+    words = "it raised ZeroDivisionError: division by zero (line "
+    assert_the_first_rule_alone("robots", changed(GOOD, kinematics="1 / 0"), tmp_path, "sizes_agree", words)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.rules import assert_noticed, broken, changed
+from helpers.rules import assert_noticed, assert_the_first_rule_alone, broken, changed
 
 REFERENCE = '''
 """A reference of somebody's own."""
@@ -134,7 +134,16 @@ METRIC_FAULTS = {
     "values_are_finite_numbers_by_axis dict": ({"measure": "return value"}, "it returned a float, not a dict"),
     "values_are_finite_numbers_by_axis nothing": ({"measure": "return {}"}, "on a whole phase it returned nothing"),
     "lower_is_better": (
-        {"measure": "value = 1 / (1 + value)"}, "trials without, with small and with large errors score [",
+        {"measure": "value = 1 / (1 + value)"},
+        "without errors, with some and with three times as large ones it gave [1, ",
+    ),
+    "lower_is_better first below": (
+        {"measure": "value = float(np.mean(record.force[:, 1] - record.reference_force[:, 1]))"},
+        "for '' on 2 s in which position and force swing about their references, first below them, and come to rest",
+    ),
+    "lower_is_better first above": (
+        {"measure": "value = float(np.mean(record.reference_position[:, 0] - record.position[:, 0]))"},
+        "swing about their references, first above them",
     ),
     "lower_is_better same": ({"measure": "value = 1.0"}, "every trial scores {'': 1.0}"),
     "a_record_of_few_ticks_is_no_error": (
@@ -173,6 +182,40 @@ def test_each_fault_of_a_reference_is_noticed(tmp_path: Path, fault: str) -> Non
 def test_each_fault_of_a_disturbance_is_noticed(tmp_path: Path, fault: str) -> None:
     replacements, words = DISTURBANCE_FAULTS[fault]
     assert_noticed("disturbances", changed(DISTURBANCE, **replacements), tmp_path, fault.split()[0], words)
+
+
+@pytest.mark.parametrize("sign", ["", "-"])
+@pytest.mark.parametrize(("signal", "axis"), [("position", 0), ("force", 1)])
+def test_a_metric_of_errors_of_one_sign_keeps_every_rule(tmp_path: Path, sign: str, signal: str, axis: int) -> None:
+    error = f"{sign}(record.{signal} - record.reference_{signal})[:, {axis} if len(record.axes) > 1 else 0]"
+    source = changed(METRIC, measure=f"value = float(np.max({error}))")
+    assert broken("metrics", source, tmp_path) == {}
+
+
+GROWTH = "growth: Annotated[float, Parameter('rad/s^2', 'of the frequency', {bounds})] = 0.0"
+CHIRP = (
+    "w = w + self.growth * time; value, rate = np.sin(w * time), (w + self.growth * time) * np.cos(w * time)\n"
+    "        acceleration = 2 * self.growth * np.cos(w * time) - (w + self.growth * time) ** 2 * np.sin(w * time)"
+)
+
+
+@pytest.mark.parametrize(("bounds", "value"), [("0, 1e3", 1.5), ("0, 0.5", 0.5), ("-3, 0", -1.5)])
+def test_a_number_of_a_reference_that_is_zero_is_tested_with_another_value(
+    tmp_path: Path, bounds: str, value: float
+) -> None:
+    right = changed(REFERENCE, field=GROWTH.format(bounds=bounds), sample=CHIRP)
+    assert broken("references", right, tmp_path) == {}
+    wrong = right.replace("2 * self.growth", "0")
+    assert wrong != right
+    sentence = broken("references", wrong, tmp_path)["rates_are_the_derivatives"]
+    assert sentence.startswith(f"mine.py with growth={value}: The rate must be the derivative"), sentence
+
+
+def test_a_value_that_does_not_fit_the_others_is_left_out(tmp_path: Path) -> None:
+    fields = "until: Annotated[float, Parameter('s', 'end', 0, 9)] = 1.0\n    " + GROWTH.format(bounds="0, 9")
+    refusal = "\n    def __post_init__(self):\n        if self.growth > self.until: raise ValueError('too large')"
+    source = changed(REFERENCE, field=fields + refusal, sample="assert not self.growth")
+    assert broken("references", source, tmp_path) == {}
 
 
 def test_a_disturbance_that_takes_any_axis_is_noticed(tmp_path: Path) -> None:
@@ -233,3 +276,16 @@ def test_each_fault_of_the_parameters_is_noticed(tmp_path: Path, fault: str) -> 
     source = METRIC.replace(replacements[""], "") if "" in replacements else changed(METRIC, **replacements)
     assert source != METRIC
     assert_noticed("metrics", source, tmp_path, fault.split()[0], words)
+
+
+@pytest.mark.parametrize(
+    ("group", "source", "first"),
+    [
+        ("references", changed(REFERENCE, sample="1 / 0"), "samples_are_three_finite_arrays"),
+        ("disturbances", changed(DISTURBANCE, apply="1 / 0"), "it_can_be_applied"),
+        ("metrics", changed(METRIC, measure="1 / 0"), "values_are_finite_numbers_by_axis"),
+    ],
+)
+def test_an_exception_is_told_once(tmp_path: Path, group: str, source: str, first: str) -> None:
+    words = "but it raised ZeroDivisionError: division by zero (line "
+    assert_the_first_rule_alone(group, source, tmp_path, first, words)
