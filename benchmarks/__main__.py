@@ -11,7 +11,7 @@ import typer
 
 from hilrig.cli.application import AsJson, print_json
 from hilrig.cli.entry import main
-from hilrig.core.errors import ExperimentError, nearest
+from hilrig.core.errors import ExperimentError, RunDirectoryError, nearest
 
 if TYPE_CHECKING:
     from benchmarks.measurands import Settings
@@ -109,9 +109,12 @@ def digest(
     One line per trial: its name, then the first 16 hex digits of the SHA-256 of all messages on /command, /internals,
     /state and /truth. Time stamps are left out.
     """
-    from benchmarks.digest import digests, line
+    from benchmarks.digest import UnreadableBagError, digests, line
 
-    found = digests(run)
+    try:
+        found = digests(run)
+    except UnreadableBagError as error:
+        raise RunDirectoryError(str(error)) from error
     if not found:
         raise ExperimentError(f"{run}: there is no trials/*/bag.mcap in it; is it a run directory?")
     for trial, topics in found.items():

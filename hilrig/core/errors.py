@@ -140,6 +140,8 @@ def describe_error(error: BaseException) -> str:
     """Return what was raised in one line and, if not meant for the user, where: in the author's code if known."""
     if isinstance(error, HilrigError):
         return str(error)
+    if isinstance(error.__cause__, StopIteration):  # a tick is part of a generator, which turns it into RuntimeError
+        error = error.__cause__
     frames = traceback.extract_tb(error.__traceback__)
     file, line = authors_line(error) or ((frames[-1].filename, frames[-1].lineno) if frames else ("", 0))
     return f"{raised(error)} at {Path(file).name}:{line}" if file else raised(error)

@@ -56,7 +56,8 @@ class _MovedModules:
 
 
 def _raise(name: str, advice: str) -> NoReturn:
-    raise ModuleNotFoundError(f"the module {name} has moved: {advice}", name=name)
+    # Without `name=`: `from hilrig import signals` would take such an error for "there is no submodule", and hide it.
+    raise ModuleNotFoundError(f"the module {name} has moved: {advice}")
 
 
 def announce() -> None:

@@ -77,6 +77,6 @@ class ControllerNode:
         """Return the error for the law's last torque, which could not be commanded."""
         size = int(self.arrays.asked_size[0])
         if size != self.arrays.asked.size:
-            return wrong_torque(f"an array of shape {(size,)}", self.trial)
+            return wrong_torque((size,), self.trial)
         name = self.trial.controller_name
         return Tripped(f"tick {tick}: the torque of controller '{name}' is not finite: {self.arrays.asked}")

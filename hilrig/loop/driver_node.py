@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hilrig.core.errors import PluginError, Tripped
+from hilrig.core.errors import Tripped
 from hilrig.core.interfaces import Plant, TrialStart
-from hilrig.core.signals import Command, Measurement, plant_disturbance
+from hilrig.core.signals import Command, plant_disturbance
 from hilrig.experiment.trial import Trial, start_joint_position
 from hilrig.loop.measure import DriverArrays, driver_arrays, driver_ticks
-from hilrig.loop.plain_parts import plant_kernels
+from hilrig.loop.plain_parts import plant_kernels, take
 from hilrig.loop.rows import DriverRows
 from hilrig.loop.safety import why_unsafe
 
@@ -29,7 +29,7 @@ class DriverNode:
         self._acting: Command | None = None
         self._begun = self._closed = False
         try:
-            self.kernels = plant_kernels(self.plant)
+            self.kernels = plant_kernels(self.plant, self._name)
         except BaseException:
             self.close()
             raise
@@ -47,14 +47,14 @@ class DriverNode:
     def begin(self) -> Command:
         """Measure for the first time, just before the first tick; return the command that holds the plant."""
         now = plant_disturbance(self.arrays.schedule, 0)
-        measurement, truth = self.plant.measure(now), self.plant.truth(now)
-        self._check(measurement)
-        for past, value in zip(self.arrays.past, measurement, strict=True):
-            past[:] = value
-        self.arrays.last_position[:] = measurement.joint_position
-        self.truthful = truth is not None
+        first = self.arrays.observation.measurement
+        take(first, self.plant.measure(now), f"driver {self._name}: measure")
+        self.arrays.last_position[:] = first.joint_position
+        self.truthful = self.plant.truth(now) is not None
         self._begun = True
-        return self.plant.hold()
+        hold = Command(*(np.zeros(self.trial.driver.robot.joints) for _ in Command._fields))
+        take(hold, self.plant.hold(), f"driver {self._name}: hold")
+        return hold
 
     def measure(self, tick: int) -> None:
         """Measure at `tick` into row `tick` modulo the number of rows. Raises Tripped beyond a safety limit."""
@@ -76,15 +76,9 @@ class DriverNode:
         exact, last, limits = self.arrays.observation.measurement, self.arrays.last_position, self.trial.limits
         return why_unsafe(tick, exact, last, self.trial.period, limits)
 
-    def _check(self, measurement: Measurement) -> None:
-        """Raise PluginError if the shapes of a measurement do not match the robot."""
-        wanted = self.arrays.observation.measurement
-        for name, value, room in zip(Measurement._fields, measurement, wanted, strict=True):
-            if np.shape(value) != room.shape:
-                raise PluginError(
-                    f"driver {type(self.trial.driver).__name__}: measure returned {name} as an array of shape "
-                    f"{np.shape(value)}; for this robot it must be {room.shape}"
-                )
+    @property
+    def _name(self) -> str:
+        return type(self.trial.driver).__name__
 
     def close(self) -> None:
         """Release the plant, once."""

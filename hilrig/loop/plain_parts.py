@@ -8,34 +8,77 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from hilrig.core.compiler import can_be_composed
-from hilrig.core.errors import PluginError
+from hilrig.core.errors import PluginError, raised
 from hilrig.core.interfaces import Law, Plant, Robot
 from hilrig.core.kernel_interfaces import Observation, PlantKernels, RobotKernels
 from hilrig.core.signals import Array, Command, Kinematics, PlantDisturbance, Reference, State
 from hilrig.experiment.trial import Trial
 
 
-def plant_kernels(plant: Plant) -> PlantKernels:
+class PlainPlant(NamedTuple):
+    """A plant in plain Python."""
+
+    plant: Plant
+    driver: str
+    """Name of its driver's class, for messages"""
+
+
+def plant_kernels(plant: Plant, driver: str) -> PlantKernels:
     """Return the plant's kernels, or equivalent functions that call its methods."""
     if hasattr(plant, "kernels"):
         return cast(Any, plant).kernels()
-    return PlantKernels(_observe, _advance, plant, np.zeros(0))
+    return PlantKernels(_observe, _advance, PlainPlant(plant, driver), np.zeros(0))
 
 
-def _observe(plant: Plant, _state: Array, disturbance: PlantDisturbance, room: Observation) -> float:
-    for place, value in zip(room.measurement, plant.measure(disturbance), strict=True):
-        place[:] = value
-    truth = plant.truth(disturbance)
+def _observe(plain: PlainPlant, _state: Array, disturbance: PlantDisturbance, room: Observation) -> float:
+    take(room.measurement, plain.plant.measure(disturbance), f"driver {plain.driver}: measure")
+    truth = plain.plant.truth(disturbance)
     if truth is None:
+        for place in room.truth[:-1]:
+            place.fill(np.nan)
         return np.nan
-    for place, value in zip(room.truth[:-1], truth[:-1], strict=True):
-        place[:] = value
-    return truth.surface_position
+    surface = np.empty(())
+    take(room.truth._replace(surface_position=surface), truth, f"driver {plain.driver}: truth")
+    return float(surface)
 
 
-def _advance(plant: Plant, _state: Array, disturbance: PlantDisturbance, torque: Array, position: Array) -> None:
+def _advance(plain: PlainPlant, _state: Array, disturbance: PlantDisturbance, torque: Array, position: Array) -> None:
     # Copies, because a plant may keep its arguments and these arrays change at the next tick.
-    plant.advance(Command(torque.copy(), position.copy()), disturbance)
+    plain.plant.advance(Command(torque.copy(), position.copy()), disturbance)
+
+
+def take(room: Any, found: Any, who: str) -> None:
+    """Copy the arrays that a plug-in returned, a NamedTuple like `room`, into those of `room`.
+
+    Raises PluginError, which begins with `who`, unless each holds real numbers and has the shape of its place.
+    """
+    names = type(room)._fields
+    if not isinstance(found, tuple) or len(found) != len(names):
+        raise PluginError(f"{who} returned {_described(found)}; it must return a {type(room).__name__}")
+    for name, place, value in zip(names, room, found, strict=True):
+        array = numbers(value, f"{who} returned {name} as")
+        if array.shape != place.shape:
+            raise PluginError(
+                f"{who} returned {name} as an array of shape {array.shape}; for this robot it must be {place.shape}"
+            )
+        place[...] = array
+
+
+def numbers(value: Any, who: str) -> Array:
+    """Return what a plug-in returned as an array. Raises PluginError, which begins with `who`, if it is none."""
+    try:
+        array = np.asarray(value)
+    except Exception as error:
+        raise PluginError(f"{who} {_described(value)}, which is no array ({raised(error)})") from error
+    if array.dtype.kind not in "fiu":
+        raise PluginError(f"{who} {_described(value)}; it must be an array of real numbers")
+    return array
+
+
+def _described(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"an array of {value.dtype}"
+    return "None" if value is None else f"a {type(value).__name__}"
 
 
 def robot_kernels(robot: Robot) -> RobotKernels:
@@ -44,8 +87,7 @@ def robot_kernels(robot: Robot) -> RobotKernels:
 
 
 def _kinematics(robot: Robot, q: Array, rate: Array, room: Kinematics) -> None:
-    for place, value in zip(room, robot.kinematics(q.copy(), rate.copy()), strict=True):
-        place[...] = value
+    take(room, robot.kinematics(q.copy(), rate.copy()), f"robot {type(robot).__name__}: kinematics")
 
 
 class LawParts(NamedTuple):
@@ -84,15 +126,15 @@ def copied(state: State) -> State:
 
 def checked(torque: Any, trial: Trial) -> Array:
     """Return a law's torque as an array. Raises PluginError if it is not one number for each joint."""
-    if torque is None:
-        raise wrong_torque("None, not an array", trial)
-    array, joints = np.asarray(torque, dtype=np.float64), trial.driver.robot.joints
-    if array.shape != (joints,):
-        raise wrong_torque(f"an array of shape {array.shape}", trial)
-    return array
+    array = numbers(torque, f"controller '{trial.controller_name}': step returned")
+    if array.shape != (trial.driver.robot.joints,):
+        raise wrong_torque(array.shape, trial)
+    return np.asarray(array, dtype=np.float64)
 
 
-def wrong_torque(returned: str, trial: Trial) -> PluginError:
-    """Return the error for a law that returned something else than a torque (n,)."""
-    wanted = f"the robot needs one of shape {(trial.driver.robot.joints,)}"
-    return PluginError(f"controller '{trial.controller_name}': step returned {returned}; {wanted}")
+def wrong_torque(shape: tuple[int, ...], trial: Trial) -> PluginError:
+    """Return the error for a law whose torque does not have the shape (n,)."""
+    return PluginError(
+        f"controller '{trial.controller_name}': step returned an array of shape {shape}; "
+        f"the robot needs one of shape {(trial.driver.robot.joints,)}"
+    )

@@ -203,7 +203,7 @@ def main(work: Callable[[Child], None]) -> None:
         work(child)
     except Stopped as stop:
         print(f"stopped: {stop}", flush=True)
-    except (Exception, SystemExit) as error:
+    except BaseException as error:  # whatever a law raises; Ctrl-C reaches a child as a signal that it handles
         traceback.print_exc()
         code = 1
         if child is not None:

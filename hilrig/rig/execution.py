@@ -191,7 +191,9 @@ class _Runner:
                 return run_in_process(self._run, trial, report, self._options.stop.is_set)
         except Stopped as stop:  # outside the ticks, where the trial does not turn it into an outcome
             return Outcome.of(trial, "aborted", str(stop), 0, 0.0, {})
-        except (Exception, SystemExit) as error:  # a law that exits the program ends only its own trial
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a law that exits the program, or is cancelled, ends only its own trial
             log = trial_directory(self._run, trial.id) / "logs" / "supervisor.log"
             write_text(log, "".join(traceback.format_exception(error)))
             return Outcome.of(trial, "failed", f"{describe_error(error)} (see {log})", 0, 0.0, {})

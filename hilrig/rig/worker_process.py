@@ -51,7 +51,7 @@ def _outcome(run: Path, name: str, line: Connection) -> Outcome:
         return run_in_process(run, trial, line.send, line.poll)
     except Stopped:
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:  # whatever a law raises; Ctrl-C reaches a worker as a message
         traceback.print_exc()
         log = log_of(run / "trials" / name, "worker")
         return Outcome.of(trial, "failed", f"{describe_error(error)} (see {log})", 0, 0.0, {})

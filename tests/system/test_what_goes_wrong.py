@@ -161,3 +161,25 @@ def test_a_law_that_raises_in_one_process_does_not_end_the_others(
     shown = hilrig("show", only_run(tmp_path)).stdout
     assert "faulty.noisy.0  failed" in shown
     assert "pd.noisy.0      completed" in shown
+
+
+@pytest.mark.parametrize("how", [(), ("--in-process",), ("--in-process", "--jobs", "2")], ids=" ".join)
+def test_what_is_no_exception_ends_its_own_trial_only(hilrig, experiment, tmp_path: Path, how: tuple[str, ...]) -> None:
+    """asyncio's CancelledError is a BaseException, and no Exception."""
+    controllers = faulty(tmp_path, "import asyncio; raise asyncio.CancelledError('enough')") + "\n  pd: {kind: pd}"
+    done = hilrig("run", experiment(controllers=controllers), "--no-report", *how)
+    assert done.returncode == 1
+    ended = {
+        path.parent.name: json.loads(path.read_text()) for path in only_run(tmp_path).glob("trials/*/outcome.json")
+    }
+    assert [ended[name]["outcome"] for name in sorted(ended)] == ["failed", "completed"]
+    assert "CancelledError: enough at faulty.py:" in ended[min(ended)]["reason"]
+
+
+def test_a_thread_that_a_law_leaves_does_not_keep_the_program(hilrig, experiment, tmp_path: Path) -> None:
+    leave = "import threading; threading.Thread(target=time.sleep, args=(1e4,), name='left').start()"
+    controllers = faulty(tmp_path, leave, when="memory.count[0] == 3")
+    done = hilrig("run", experiment(controllers=controllers), "--no-report", "--in-process")
+    assert done.returncode == 0
+    assert "1 of 1 trials completed" in done.stdout
+    assert "ended while a thread was still running: left" in done.stderr

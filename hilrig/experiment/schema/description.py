@@ -27,15 +27,16 @@ class ParameterRow(NamedTuple):
 
 def describe_kind(group: str, kind: str) -> tuple[ParameterRow, ...]:
     """Return the parameters of a kind, including nested ones. Raises PluginError if there is no such kind."""
-    return tuple(_rows(plugins.load_kind(group, kind), ""))
+    return tuple(_rows(plugins.load_kind(group, kind), "", ()))
 
 
-def _rows(cls: type, prefix: str) -> list[ParameterRow]:
+def _rows(cls: type, prefix: str, within: tuple[type, ...]) -> list[ParameterRow]:
+    """Return the rows of a dataclass; `within` are the ones around it, of which it may have one again as a part."""
     rows: list[ParameterRow] = []
     for field, annotation, parameter in settable(cls):
         name, inner = prefix + field.name, bare(annotation)
-        if dataclasses.is_dataclass(inner) and isinstance(inner, type):
-            rows += _rows(inner, name + ".")
+        if dataclasses.is_dataclass(inner) and isinstance(inner, type) and inner not in (cls, *within):
+            rows += _rows(inner, name + ".", (cls, *within))
             continue
         meaning = parameter.meaning or _choices(inner)
         unit = parameter.unit.replace("|", " or ")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+import types
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from hilrig.core.errors import PluginError, raised
 from hilrig.core.parameters import Parameter, plain
@@ -24,10 +25,16 @@ def settable(cls: type) -> list[tuple[dataclasses.Field[Any], Any, Parameter]]:
     for field in dataclasses.fields(cls):
         if field.init and not field.metadata.get("filled"):
             hint = hints[field.name]
-            notes = getattr(hint, "__metadata__", ())
-            parameter = next((note for note in notes if isinstance(note, Parameter)), Parameter(""))
-            result.append((field, hint, parameter))
+            result.append((field, hint, _parameter(hint) or Parameter("")))
     return result
+
+
+def _parameter(hint: Any) -> Parameter | None:
+    """Return the `Parameter` of an annotation; of a union or a tuple without one, that of its members."""
+    own = next((note for note in getattr(hint, "__metadata__", ()) if isinstance(note, Parameter)), None)
+    if own is not None or get_origin(bare(hint)) not in (Union, types.UnionType, tuple):
+        return own
+    return next(filter(None, map(_parameter, get_args(bare(hint)))), None)
 
 
 def _which_annotation(cls: type, error: Exception) -> str:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.writer import Writer
 
-from benchmarks.digest import LENGTH, TOPICS, digest_of, digests, line
+from benchmarks.digest import LENGTH, TOPICS, UnreadableBagError, digest_of, digests, line
 
 Message = tuple[str, int, bytes]
 """Topic, log time and bytes"""
@@ -58,3 +58,11 @@ def test_a_run_has_a_line_for_each_trial_in_order(tmp_path: Path) -> None:
     lines = [line(trial, topics) for trial, topics in digests(tmp_path).items()]
     first, second = (hashlib.sha256(data).hexdigest()[:LENGTH] for data in (b"a", b"b"))
     assert lines == [f"pd.noisy.0 /command={first} /state={first}", f"pd.noisy.1 /command={second} /state={second}"]
+
+
+@pytest.mark.parametrize("content", [b"", b"junk" * 99, None], ids=["empty", "junk", "cut"])
+def test_a_bag_that_is_not_whole_is_named(tmp_path: Path, content: bytes | None) -> None:
+    bag = write_bag(tmp_path / "bag.mcap", [("/state", 0, b"data" * 500)])
+    bag.write_bytes(bag.read_bytes()[:200] if content is None else content)
+    with pytest.raises(UnreadableBagError, match=r"bag\.mcap: not a whole bag"):
+        digest_of(bag)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers.experiment_files import GOOD, POSITION, broken_file, problems_of
@@ -13,16 +14,17 @@ from helpers.experiment_files import GOOD, POSITION, broken_file, problems_of
 from hilrig.core.errors import ExperimentError
 from hilrig.experiment import load
 from hilrig.experiment.plan import plan
+from hilrig.experiment.schema import describe_kind
 from hilrig.experiment.trial import Trial
 
 KIND = """
 from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 import sys
 import numpy as np
-from hilrig import Law
+from hilrig import Law, Parameter
 
 class Memory(NamedTuple):
     Kp: np.ndarray
@@ -183,3 +185,33 @@ def test_a_trials_processes_get_the_defaults_that_were_checked(tmp_path: Path, f
     for controller in (trial.controller, Trial.from_document(json.loads(json.dumps(trial.to_document()))).controller):
         assert controller.gain == wanted  # pyright: ignore[reportAttributeAccessIssue]
         assert type(controller.gain) is type(wanted)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+@pytest.mark.parametrize(
+    "annotation",
+    [
+        'Annotated[float, Parameter("N/m", "K", 0, 9)] | None',
+        'tuple[Annotated[float, Parameter("N/m", "K", 0, 9)], ...]',
+    ],
+)
+def test_a_parameter_within_an_optional_or_a_tuple_keeps_unit_and_bounds(tmp_path: Path, annotation: str) -> None:
+    (tmp_path / "kind.py").write_text(kind(f"{annotation} = None"))
+    given = "[3 N/m]" if annotation.startswith("tuple") else "3 N/m"
+    path, _ = broken_file(tmp_path, GOOD.replace("{kind: pd}", f"{{kind: ./kind.py, gain: {given}}}"))
+    controller: Any = load(path).controllers["pd"]
+    assert controller.gain in (3.0, (3.0,))
+    (row,) = describe_kind("controllers", str(tmp_path / "kind.py"))
+    assert (row.unit, row.high) == ("N/m", 9)
+
+
+def test_a_dataclass_that_has_itself_as_a_part_is_described(tmp_path: Path) -> None:
+    (tmp_path / "kind.py").write_text(kind('"Mine" = None'))
+    assert [row.name for row in describe_kind("controllers", str(tmp_path / "kind.py"))] == ["gain"]
+
+
+@pytest.mark.parametrize(
+    "line", ["from hilrig import signals", "import hilrig.signals", "from hilrig.signals import State"]
+)
+def test_every_way_to_import_a_moved_module_is_told_where_it_is(line: str) -> None:
+    with pytest.raises(ImportError, match=r"hilrig\.signals has moved: .* `from hilrig import State, Reference`"):
+        exec(line)
