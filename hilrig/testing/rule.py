@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple, TypeVar
 
@@ -50,7 +50,9 @@ class Rule(NamedTuple):
                 self.check(variant)
             except NotApplicableError as reason:
                 silent.append(reason)
-            except Exception as error:
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # a kind may end the program, too
                 choice = "" if self.whole else subject.choice(variant)
                 return f"{subject.name}{choice}: {self.sentence}, but {_told(error, subject)}"
         if len(silent) == len(looked_at):
@@ -88,7 +90,17 @@ def rule(*groups: str, whole: bool = False, first: bool = False) -> Callable[[Ch
 def require(condition: Any, what: str, *values: Any) -> None:
     """Raise Broken with `what` the kind did, unless the condition holds; each {} in it stands for one of `values`."""
     if not condition:
-        raise Broken(what.format(*map(shown, values)) if values else what)
+        raise Broken(what.format(*_told_apart(values)) if values else what)
+
+
+def _told_apart(values: Sequence[Any]) -> list[str]:
+    """Return the texts of values, with as many digits as it takes to tell them apart."""
+    texts: list[str] = []
+    for digits in (6, 9, 12, 17):
+        texts = [shown(value, digits) for value in values]
+        if len(set(texts)) == len(texts):
+            break
+    return texts
 
 
 @contextmanager
@@ -109,17 +121,17 @@ def same(one: Any, other: Any) -> bool:
     return first.shape == second.shape and first.dtype == second.dtype and first.tobytes() == second.tobytes()
 
 
-def shown(value: Any) -> str:
+def shown(value: Any, digits: int = 6) -> str:
     """Return the text of an array, a number or a word for a message."""
     if isinstance(value, (str, int)):
         return str(value)
     array = np.asarray(value)
     if array.size > 12:
         return f"an array {array.shape}"
-    return f"[{', '.join(map(shown, array))}]" if array.ndim else f"{array:.6g}"
+    return f"[{', '.join(shown(part, digits) for part in array)}]" if array.ndim else f"{array:.{digits}g}"
 
 
-def _told(error: Exception, subject: Subject) -> str:
+def _told(error: BaseException, subject: Subject) -> str:
     """Return what the kind did, with the line of its file if it raised an error."""
     if isinstance(error, Broken):
         return str(error)

@@ -137,6 +137,21 @@ def commands_and_disturbances_are_only_read(driver: Driver) -> None:
 
 
 @rule("drivers")
+def a_command_does_not_act_after_its_period(driver: Driver) -> None:
+    """What is written into the arrays of a command after `advance` must not reach the plant."""
+    found: list[dict[str, Array]] = []
+    for used_again in (False, True):
+        with begun(driver) as plant:
+            for k in range(3):
+                command = Command(*(part.copy() for part in swinging(driver, plant, k)))
+                plant.advance(command, still(driver.robot))
+                for part in command if used_again else ():
+                    part[...] = np.nan
+            found.append(_seen(driver, plant))
+    _require_equal(found[0], found[1], "when the arrays of earlier commands were used again")
+
+
+@rule("drivers")
 def the_same_commands_give_the_same_bits(driver: Driver) -> None:
     """The same commands must give the same measurements, to the last bit, also next to another plant."""
     with begun(driver) as first:

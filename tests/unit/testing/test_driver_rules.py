@@ -135,6 +135,10 @@ FAULTS = {
          "measure": "seen = seen if self.last is None else seen._replace(applied_torque=self.last)"},
         "when the arrays of the last command were used again measure().applied_torque was [nan, nan]",
     ),
+    "a_command_does_not_act_after_its_period": (
+        {"advance": "self.last, command = command, self.last or command"},
+        "when the arrays of earlier commands were used again measure().",
+    ),
     "applied_torque_is_what_the_motors_gave": (
         {"measure": "seen = seen._replace(applied_torque=np.zeros(2))"}, "it is [0, 0] N m after",
     ),
