@@ -268,7 +268,7 @@ def first_state(trial: Trial, q: Array, force: Array, torque: Array, elapsed: fl
     `force` is along the task axes (m,) N, `torque` the torque in effect (n,) N m, `elapsed` in s.
     """
     still = np.zeros(trial.driver.robot.joints)
-    at = trial.driver.robot.kinematics(q.copy(), still)
+    at = trial.driver.robot.kinematics(q.copy(), still.copy())
     return State(
         q.copy(), still, at.position, at.velocity, at.jacobian, at.jacobian_rate, at.regressor,
         np.array(force), torque.copy(), elapsed,
