@@ -112,6 +112,11 @@ def test_a_tick_is_late_by_its_command_or_by_when_it_was_applied(command: int, a
     assert is_late(np.array([5], np.uint64), *stamps, delay=1, period_ns=MS).tolist() == [late]
 
 
+def test_a_period_that_no_float_holds_is_a_whole_number_of_nanoseconds() -> None:
+    """0.52 ms as a float, a billion times, is a little less than 520 us."""
+    assert Terms("realtime", 0.52e-3, 1).period_ns == 520_000
+
+
 @pytest.mark.parametrize("delay", [0, 1, 3])
 def test_the_first_ticks_have_no_command_and_are_not_late(delay: int) -> None:
     commands = np.maximum(np.arange(6) - delay, -1)
