@@ -146,6 +146,16 @@ def test_the_tip_starts_where_it_is_told_to(tmp_path: Path) -> None:
     assert trial.start_position == (0.05, 0.3)
 
 
+def test_a_start_out_of_reach_is_refused_with_its_place(tmp_path: Path) -> None:
+    """The arm reaches 0.545 m; the references and the surface are within reach."""
+    with pytest.raises(ExperimentError) as caught:
+        planned(tmp_path, TEXT.replace("task:\n", "task:\n  start: {x: 0.5 m, z: 0.3 m}\n"))
+    (problem,) = caught.value.problems
+    assert "the start: x = 0.5 m, z = 0.3 m is out of reach" in problem.message
+    assert problem.place is not None
+    assert problem.place.line == TEXT.splitlines().index("task:") + 2, "the line below `task:`"
+
+
 def test_the_task_has_one_entry_an_axis(tmp_path: Path) -> None:
     trial = planned(tmp_path)[0]
     desired = make_impedance(trial.task, trial.axes)

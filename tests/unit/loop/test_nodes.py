@@ -6,17 +6,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from helpers.builders import PERIOD, arm, surface, trial
+from helpers.builders import PERIOD, STILL, arm, surface, trial
 from helpers.drivers import DRIVERS
 from helpers.in_memory import Nodes, Wire, pass_messages
+from helpers.laws import SERVO
 from hilrig_drivers.pybullet_arm import PybulletArm
 from hilrig_drivers.two_link import TwoLink
 
 from hilrig.core.compiler import kernel
 from hilrig.core.errors import PluginError, Stopped, Tripped
-from hilrig.core.interfaces import Law, Task
+from hilrig.core.interfaces import Law, Task, TrialStart
 from hilrig.core.law_memory import memory_sizes
-from hilrig.core.signals import Array, Reference, State
+from hilrig.core.signals import Array, Command, Reference, State
 from hilrig.experiment.trial import Limits, PhaseSpec, Trial, references
 from hilrig.kinds.actuation import Actuation
 from hilrig.kinds.controllers.tde_sliding_mode import TdeSlidingMode
@@ -333,3 +334,66 @@ def test_a_law_that_overwrites_what_it_is_given_changes_nothing_for_others(law: 
     )
     assert loud == quiet
     assert len(quiet.command) == 200
+
+
+class InPython:
+    """A robot, a plant or a driver as if it offered no kernels, with `instead` for some of what it has."""
+
+    def __init__(self, whole: Any, **instead: Any) -> None:
+        self._whole = whole
+        vars(self).update(instead)
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "kernels":
+            raise AttributeError(name)
+        return getattr(self._whole, name)
+
+
+class Late:
+    """A function of arrays that works with the arrays of its last call; it copies, keeps or overwrites them."""
+
+    def __init__(self, does: Callable[..., Any], manner: str) -> None:
+        self._does, self._manner = does, manner
+        self._before: tuple[Array, ...] = ()
+
+    def __call__(self, *given: Array) -> Any:
+        kept = given if self._manner == "keeps" else tuple(array.copy() for array in given)
+        done = self._does(*(self._before or kept))
+        self._before = kept
+        if self._manner == "overwrites":
+            for array in given:
+                array[:] = 1.0
+        return done
+
+
+def slow_plant(driver: TwoLink, manner: str) -> Any:
+    """Return the driver with a plant in plain Python that applies each command one period late."""
+
+    def begin(start: TrialStart) -> Any:
+        plant = driver.begin(start)
+        late = Late(lambda *command: plant.advance(Command(*command), STILL), manner)
+        return InPython(plant, advance=lambda command, now: late(*command))
+
+    return InPython(driver, begin=begin)
+
+
+def slow_robot(driver: TwoLink, manner: str) -> Any:
+    """Return the driver with a robot in plain Python that gives the kinematics one tick late."""
+    late = Late(driver.robot.kinematics, manner)
+    return InPython(driver, robot=InPython(driver.robot, kinematics=late))
+
+
+@pytest.mark.parametrize("manner", ["keeps", "overwrites"])
+@pytest.mark.parametrize("actuation", [Actuation(), SERVO], ids=["torque", "position"])
+@pytest.mark.parametrize("slow", [slow_plant, slow_robot])
+def test_a_plain_plant_or_robot_may_do_as_it_likes_with_what_it_is_given(
+    slow: Callable[[TwoLink, str], Any], actuation: Actuation, manner: str
+) -> None:
+    """The messages are those of one that copies, also while the arm is held until the first command acts."""
+    swing = PhaseSpec("swing", 0.0, 0.2, {"x": Sine(0.1, 3.0)}, {"z": Hold(3.5)})
+    polite, other = (
+        pass_messages(trial(slow(TwoLink(arm(), surface(), actuation), how), phases=(swing,), actuation_delay=3))
+        for how in ("copies", manner)
+    )
+    assert other == polite
+    assert len(polite.command) == 200

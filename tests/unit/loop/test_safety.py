@@ -4,7 +4,11 @@ import itertools
 
 import numpy as np
 import pytest
+from helpers.builders import PERIOD, arm, surface, trial
+from helpers.in_memory import Nodes
+from hilrig_drivers.two_link import TwoLink
 
+from hilrig.core.errors import Tripped
 from hilrig.core.signals import Array, Measurement
 from hilrig.experiment.trial import Limits
 from hilrig.loop.safety import why_unsafe
@@ -22,6 +26,12 @@ def judged(tick: int, measurement: Measurement, last: Array = STILL, period: flo
 
 def test_within_the_limits_nothing_happens() -> None:
     assert judged(1, measured((3.00199, -3.0), (30.0, 0.0, -39.9)), np.array([3.0, -3.0])) == ""
+
+
+def test_a_value_at_its_limit_is_within_it() -> None:
+    """30 and 40 N make 50 N, and half a radian in a quarter of a second 2 rad/s, exactly."""
+    assert judged(1, measured(force=(30.0, 0.0, -40.0))) == ""
+    assert judged(1, measured((0.5, 0.0)), period=0.25) == ""
 
 
 @pytest.mark.parametrize("force", [*itertools.permutations((30.0, 0.0, -40.01))])
@@ -57,3 +67,28 @@ def test_a_joint_that_comes_back_from_no_number_trips() -> None:
 
 def test_infinities_of_both_signs_do_not_cancel() -> None:
     assert "not finite" in judged(0, measured(force=(np.inf, -np.inf, 0.0)))
+
+
+def first_ticks(limits: Limits) -> list[dict[str, Array]]:
+    """Return the truth of two ticks of an arm that starts 10 mm deep in a surface without friction, and is pushed."""
+    pressed = trial(TwoLink(arm(), surface(friction=0.0)), start_position=(0.1, 0.36), limits=limits)
+    nodes, seen = Nodes(pressed), []
+    for tick in range(2):
+        seen.append(nodes.measured(tick)[1])
+        nodes.heard_command.acting.torque[:] = 5.0, 1.0
+        nodes.driver.advance()
+    return seen
+
+
+def test_a_trial_at_its_limits_goes_on_and_a_little_below_them_it_trips() -> None:
+    """Force and velocity of its first two ticks, as the limits of the same trial."""
+    free = first_ticks(Limits(tip_force=1e3, joint_velocity=1e3))
+    force = max(abs(now["wrench"][2]) for now in free)
+    velocity = np.abs(free[1]["joint_position"] - free[0]["joint_position"]).max() / PERIOD
+    assert force > 1.0
+    assert velocity > 0.01
+    assert len(first_ticks(Limits(force, velocity))) == 2
+    with pytest.raises(Tripped, match="tip force"):
+        first_ticks(Limits(np.nextafter(force, 0.0), velocity))
+    with pytest.raises(Tripped, match="joint velocity"):
+        first_ticks(Limits(force, np.nextafter(velocity, 0.0)))

@@ -1,4 +1,4 @@
-"""The certificate's parts against closed cases: the table, durations, late ticks, the budget, histograms."""
+"""The certificate's parts against closed cases: the table, durations, late ticks, causes, the budget, histograms."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hilrig.experiment.timing_budget import TimingBudget
+from hilrig.recording.certificate.attribution import attribute
 from hilrig.recording.certificate.budget import violations
+from hilrig.recording.certificate.causes import CAUSES, CONTROLLER, TRANSPORT, any_between
 from hilrig.recording.certificate.durations import Terms, command_age, durations, late_ticks
 from hilrig.recording.certificate.histogram import histogram, lower_edges, quantiles_us, tail
 from hilrig.recording.certificate.late import is_late
-from hilrig.recording.certificate.table import join
+from hilrig.recording.certificate.table import join, resume_times
+from hilrig.recording.certificate.waits import who_made_wait
 from hilrig.recording.timing import certify
 
 MICRO = 1000
@@ -112,6 +115,11 @@ def test_a_tick_is_late_by_its_command_or_by_when_it_was_applied(command: int, a
     assert is_late(np.array([5], np.uint64), *stamps, delay=1, period_ns=MS).tolist() == [late]
 
 
+def test_a_period_that_no_float_holds_is_a_whole_number_of_nanoseconds() -> None:
+    """0.52 ms as a float, a billion times, is a little less than 520 us."""
+    assert Terms("realtime", 0.52e-3, 1).period_ns == 520_000
+
+
 @pytest.mark.parametrize("delay", [0, 1, 3])
 def test_the_first_ticks_have_no_command_and_are_not_late(delay: int) -> None:
     commands = np.maximum(np.arange(6) - delay, -1)
@@ -122,6 +130,69 @@ def test_the_age_of_a_command_that_is_held_grows() -> None:
     """At ticks 2 and 3 the command of tick 0 is still in effect."""
     ages = command_age(join(driver(*range(5), command=[-1, 0, 0, 0, 3]), None))
     np.testing.assert_array_equal(ages, np.array([1030, 2030, 3030, 1030]) * MICRO)
+
+
+def moved(columns: dict[str, Any], tick: int, **later: int) -> dict[str, Any]:
+    """Move stamps of one tick by so many us, in place; return the columns, whose rows are the ticks from 0 on."""
+    for name, us in later.items():
+        columns[name][tick] += us * MICRO
+    return columns
+
+
+def causes(own: dict[str, Any], other: dict[str, Any], one_clock: bool = True) -> dict[int, str]:
+    """Return the late ticks with their causes."""
+    table = join(own, other, one_clock)
+    found = attribute(table, REALTIME)
+    return {int(tick): CAUSES[cause] for tick, cause in zip(table.driver.tick, found.cause, strict=True) if cause >= 0}
+
+
+@pytest.mark.parametrize(("held", "cause"), [(740, "controller"), (741, "unknown")])
+def test_the_cause_is_the_excess_without_which_the_command_would_have_been_in_time(held: int, cause: str) -> None:
+    """The state of tick 5 is held, and the law takes 800 us longer; its command is needed 1040 us after tick 5 is due.
+
+    Without the law's part it comes in 300 us after that plus what the state was held: at 740 us just in time.
+    """
+    own = moved(driver(*range(20), command=[tick - 1 - (tick == 6) for tick in range(20)]), 7, received=700)
+    other = moved(controller(*range(20)), 5, received=held, computed=held + 800, published=held + 800)
+    moved(other, 6, waiting=1470, received=700, computed=700, published=700)
+    assert causes(own, other) == {6: cause}
+
+
+def test_a_command_that_came_in_late_was_on_its_way_until_then() -> None:
+    """The law takes 600 us longer over tick 5, and its command 900 us longer to come in; tick 6 is lost."""
+    own = moved(driver(*range(20), command=[tick - 1 - (tick in (6, 7)) for tick in range(20)]), 7, received=500)
+    other = moved(controller(*range(20)), 5, computed=600, published=600)
+    lost = {name: np.delete(values, 6) for name, values in other.items()}
+    assert causes(own, lost) == {6: "transport", 7: "transport"}
+
+
+@pytest.mark.parametrize("one_clock", [True, False])
+def test_a_record_without_the_answer_blames_nobody(one_clock: bool) -> None:
+    """From tick 14 on the controller's rows are missing; that the driver publishes later proves nothing."""
+    own = driver(*range(20), command=[min(tick - 1, 13) for tick in range(20)])
+    own["published"][15:] += 500 * MICRO
+    assert causes(own, controller(*range(14)), one_clock) == dict.fromkeys(range(15, 20), "unknown")
+
+
+def test_a_wait_is_handed_on_to_the_next_measurement() -> None:
+    """The state of tick 5 is held. That of tick 6 waits for 50 us, the least that counts, and delays that of tick 7."""
+    other = moved(controller(*range(10)), 5, received=800, computed=800, published=800)
+    moved(other, 6, waiting=800, received=50, computed=50, published=50)
+    moved(other, 7, waiting=50)
+    expected = np.full(10, CONTROLLER)
+    expected[6:8] = TRANSPORT
+    np.testing.assert_array_equal(who_made_wait(join(driver(*range(10)), other), REALTIME), expected)
+
+
+def test_between_is_after_the_start_and_up_to_the_end() -> None:
+    start, end = np.array([9, 10, 10, 20, 11]), np.array([10, 19, 20, 25, 19])
+    np.testing.assert_array_equal(any_between(np.array([10, 20]), start, end), [True, False, True, False, False])
+
+
+def test_a_process_that_was_never_stopped_was_never_resumed() -> None:
+    for continued, times in (([0, 0, 0], []), ([0, 7, 7], [7]), ([9, 0, 7], [7, 9])):
+        table = join(driver(0, 1, 2, continued=continued), None)
+        np.testing.assert_array_equal(resume_times(table.driver), times)
 
 
 BUDGET = TimingBudget()

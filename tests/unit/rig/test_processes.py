@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -45,6 +45,43 @@ def run(tmp_path: Path) -> Iterator[Children]:
     children = Children(tmp_path)
     yield children
     kill_all(children.started)
+
+
+@pytest.fixture
+def said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[str]]:
+    """Returns what a module of this code prints when it is started as hilrig starts its own, word by word."""
+
+    def start(code: str) -> list[str]:
+        (tmp_path / "speaks.py").write_text(code)
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+        child = ChildProcess.start("the child", "speaks", "orders", tmp_path / "speaks.log")
+        child.end(PATIENCE_S)
+        assert child.exit_code == 0, child.how_it_ended(tmp_path / "speaks.log")
+        return (tmp_path / "speaks.log").read_text().split()
+
+    return start
+
+
+def test_a_child_has_no_thread_pools_whatever_the_users_environment_says(
+    said: Callable[[str], list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "8")
+    monkeypatch.setenv("MINE", "kept")
+    assert said("import os; print(os.environ['OMP_NUM_THREADS'], os.environ['MINE'])") == ["1", "kept"]
+
+
+def test_a_child_is_out_of_reach_of_the_terminals_ctrl_c(said: Callable[[str], list[str]]) -> None:
+    session, process = said("import os; print(os.getsid(0), os.getpid())")
+    assert session == process
+
+
+def test_a_file_in_the_working_directory_does_not_shadow_a_package(
+    said: Callable[[str], list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "colorsys.py").write_text("raise SystemExit('shadowed')")
+    monkeypatch.chdir(tmp_path / "here")
+    assert said("import colorsys, sys; print(colorsys.ONE_THIRD < 1, sys.argv[1])") == ["True", "orders"]
 
 
 @pytest.mark.parametrize(
