@@ -8,7 +8,7 @@ import numpy as np
 
 from hilrig.core.errors import Tripped
 from hilrig.core.interfaces import Plant, TrialStart
-from hilrig.core.signals import Command, plant_disturbance
+from hilrig.core.signals import Command, Measurement, plant_disturbance
 from hilrig.experiment.trial import Trial, start_joint_position
 from hilrig.loop.measure import DriverArrays, driver_arrays, driver_ticks
 from hilrig.loop.plain_parts import plant_kernels, take
@@ -48,12 +48,12 @@ class DriverNode:
         """Measure for the first time, just before the first tick; return the command that holds the plant."""
         now = plant_disturbance(self.arrays.schedule, 0)
         first = self.arrays.observation.measurement
-        take(first, self.plant.measure(now), f"driver {self._name}: measure")
+        take(first, self.plant.measure(now), Measurement, f"driver {self._name}: measure")
         self.arrays.last_position[:] = first.joint_position
         self.truthful = self.plant.truth(now) is not None
         self._begun = True
         hold = Command(*(np.zeros(self.trial.driver.robot.joints) for _ in Command._fields))
-        take(hold, self.plant.hold(), f"driver {self._name}: hold")
+        take(hold, self.plant.hold(), Command, f"driver {self._name}: hold")
         return hold
 
     def measure(self, tick: int) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -11,34 +11,41 @@ from hilrig.core.compiler import can_be_composed
 from hilrig.core.errors import PluginError, raised
 from hilrig.core.interfaces import Law, Plant, Robot
 from hilrig.core.kernel_interfaces import Observation, PlantKernels, RobotKernels
-from hilrig.core.signals import Array, Command, Kinematics, PlantDisturbance, Reference, State
+from hilrig.core.signals import Array, Command, Kinematics, Measurement, PlantDisturbance, Reference, State, Truth
 from hilrig.experiment.trial import Trial
+
+FLOAT = np.dtype(np.float64)
 
 
 class PlainPlant(NamedTuple):
     """A plant in plain Python."""
 
     plant: Plant
-    driver: str
-    """Name of its driver's class, for messages"""
+    measure: str
+    """Names of its methods, for messages"""
+    truth: str
 
 
 def plant_kernels(plant: Plant, driver: str) -> PlantKernels:
     """Return the plant's kernels, or equivalent functions that call its methods."""
     if hasattr(plant, "kernels"):
         return cast(Any, plant).kernels()
-    return PlantKernels(_observe, _advance, PlainPlant(plant, driver), np.zeros(0))
+    plain = PlainPlant(plant, f"driver {driver}: measure", f"driver {driver}: truth")
+    return PlantKernels(_observe, _advance, plain, np.zeros(0))
 
 
 def _observe(plain: PlainPlant, _state: Array, disturbance: PlantDisturbance, room: Observation) -> float:
-    take(room.measurement, plain.plant.measure(disturbance), f"driver {plain.driver}: measure")
+    take(room.measurement, plain.plant.measure(disturbance), Measurement, plain.measure)
     truth = plain.plant.truth(disturbance)
     if truth is None:
         for place in room.truth[:-1]:
             place.fill(np.nan)
         return np.nan
+    take(room.truth[:-1], truth[:-1] if isinstance(truth, tuple) else truth, Truth, plain.truth)
+    if isinstance(truth[-1], float):
+        return truth[-1]
     surface = np.empty(())
-    take(room.truth._replace(surface_position=surface), truth, f"driver {plain.driver}: truth")
+    _convert(surface, truth[-1], f"{plain.truth} returned surface_position as")
     return float(surface)
 
 
@@ -47,21 +54,30 @@ def _advance(plain: PlainPlant, _state: Array, disturbance: PlantDisturbance, to
     plain.plant.advance(Command(torque.copy(), position.copy()), disturbance)
 
 
-def take(room: Any, found: Any, who: str) -> None:
-    """Copy the arrays that a plug-in returned, a NamedTuple like `room`, into those of `room`.
+def take(places: Sequence[Array], found: Any, form: type, who: str) -> None:
+    """Copy the arrays that a plug-in returned, a NamedTuple of the type `form`, into `places`.
 
     Raises PluginError, which begins with `who`, unless each holds real numbers and has the shape of its place.
     """
-    names = type(room)._fields
-    if not isinstance(found, tuple) or len(found) != len(names):
-        raise PluginError(f"{who} returned {_described(found)}; it must return a {type(room).__name__}")
-    for name, place, value in zip(names, room, found, strict=True):
-        array = numbers(value, f"{who} returned {name} as")
-        if array.shape != place.shape:
-            raise PluginError(
-                f"{who} returned {name} as an array of shape {array.shape}; for this robot it must be {place.shape}"
-            )
-        place[...] = array
+    if not isinstance(found, tuple) or len(found) != len(places):
+        raise PluginError(f"{who} returned {_described(found)}; it must return a {form.__name__}")
+    for i, (place, value) in enumerate(zip(places, found, strict=True)):
+        if is_plain(value, place.shape):
+            place[...] = value
+        else:
+            _convert(place, value, f"{who} returned {cast(Any, form)._fields[i]} as")
+
+
+def is_plain(value: Any, shape: tuple[int, ...]) -> bool:
+    """Return whether a value needs no conversion: this is asked of several arrays at every tick, so it is quick."""
+    return type(value) is np.ndarray and value.dtype is FLOAT and value.shape == shape
+
+
+def _convert(place: Array, value: Any, who: str) -> None:
+    array = numbers(value, who)
+    if array.shape != place.shape:
+        raise PluginError(f"{who} an array of shape {array.shape}; for this robot it must be {place.shape}")
+    place[...] = array
 
 
 def numbers(value: Any, who: str) -> Array:
@@ -87,7 +103,8 @@ def robot_kernels(robot: Robot) -> RobotKernels:
 
 
 def _kinematics(robot: Robot, q: Array, rate: Array, room: Kinematics) -> None:
-    take(room, robot.kinematics(q.copy(), rate.copy()), f"robot {type(robot).__name__}: kinematics")
+    found = robot.kinematics(q.copy(), rate.copy())
+    take(room, found, Kinematics, f"robot {type(robot).__name__}: kinematics")
 
 
 class LawParts(NamedTuple):
@@ -126,8 +143,11 @@ def copied(state: State) -> State:
 
 def checked(torque: Any, trial: Trial) -> Array:
     """Return a law's torque as an array. Raises PluginError if it is not one number for each joint."""
+    shape = (trial.driver.robot.joints,)
+    if is_plain(torque, shape):
+        return torque
     array = numbers(torque, f"controller '{trial.controller_name}': step returned")
-    if array.shape != (trial.driver.robot.joints,):
+    if array.shape != shape:
         raise wrong_torque(array.shape, trial)
     return np.asarray(array, dtype=np.float64)
 

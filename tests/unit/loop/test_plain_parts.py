@@ -68,6 +68,8 @@ def driven(odd: str, change: Callable[[Any], Any]) -> Any:
         ("measure", lambda found: found._replace(joint_position=["a", "b"]), "must be an array of real numbers"),
         ("measure", lambda found: found._replace(wrench=np.zeros(6, complex)), "wrench as an array of complex128"),
         ("truth", lambda found: found._replace(velocity=np.zeros(3)), "truth returned velocity as an array of shape"),
+        ("truth", lambda found: 3.0, "truth returned a float; it must return a Truth"),
+        ("truth", lambda found: found._replace(surface_position="here"), "truth returned surface_position as a str"),
         ("hold", lambda found: None, "hold returned None; it must return a Command"),
         ("hold", lambda found: Command(0.0, 0.0), "hold returned torque as an array of shape ()"),
     ],
