@@ -106,7 +106,7 @@ def test_a_stopped_controller_is_noticed(start, experiment, tmp_path: Path, monk
         (
             "return None",
             "failed",
-            "controller 'faulty': step returned None, not an array; the robot needs one of shape",
+            "controller 'faulty': step returned None; it must be an array of real numbers",
         ),
         ("return torque * np.nan", "tripped", "the torque of controller 'faulty' is not finite"),
         ("return torque + [100.0, 0.0]", "tripped", "over the limit of"),

@@ -15,7 +15,6 @@ def advice(module: str) -> str:
     """Return the message of an import that fails."""
     with pytest.raises(ModuleNotFoundError) as caught:
         import_module(module)
-    assert caught.value.name == module
     return str(caught.value)
 
 
