@@ -18,6 +18,7 @@ from .core.interfaces import Impedance as Impedance
 from .core.interfaces import Law as Law
 from .core.interfaces import Metric as Metric
 from .core.interfaces import Plant as Plant
+from .core.interfaces import Progress as Progress
 from .core.interfaces import ReferenceSignal as ReferenceSignal
 from .core.interfaces import Robot as Robot
 from .core.interfaces import Samples as Samples

@@ -38,13 +38,13 @@ class ArmState(NamedTuple):
 class BulletPlant:
     """The arm in one trial."""
 
-    def __init__(self, arm: PlanarArm, engine_contact: bool, substep: float, begin: TrialStart) -> None:
+    def __init__(self, arm: PlanarArm, engine_contact: bool, substep: float, start: TrialStart) -> None:
         self._constants, self._dynamics = arm.constants(), arm.robot.dynamic_parameters()
         # Direct drive without friction is common, and skipping the call into a kernel saves time.
         self._direct = arm.servo_gain is None and not any((*arm.coulomb, *arm.viscous))
-        self._steps = max(1, int(np.ceil(begin.period / substep - 1e-9)))
-        self._world = World(arm.robot, begin.period / self._steps)
-        self._world.place(begin.joint_position)
+        self._steps = max(1, int(np.ceil(start.period / substep - 1e-9)))
+        self._world = World(arm.robot, start.period / self._steps)
+        self._world.place(start.joint_position)
         self._contact = EngineContact(self._world, arm.surface) if engine_contact else ExplicitContact(self._world)
         self._sight = self._look()
         self._torque: Array | None = None
@@ -74,7 +74,7 @@ class BulletPlant:
             return command.torque.copy(), command.torque
         return motor_torques(self._constants, self._sight, friction_scale, command.torque, command.position)
 
-    def hold(self) -> Command:
+    def holding_command(self) -> Command:
         """Return the command that holds the arm where it is."""
         torque = self._torque
         assert torque is not None, "measure() comes first"

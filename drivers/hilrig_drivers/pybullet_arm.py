@@ -44,13 +44,13 @@ class PybulletArm(PlanarArm):
             why, remedy = "PyBullet, which is not installed", "type: pip install 'hilrig[pybullet]'"
         return f"pybullet_arm needs {why}; {remedy}, or use another driver: --set driver.kind=two_link"
 
-    def begin(self, begin: TrialStart) -> Plant:
+    def connect(self, start: TrialStart) -> Plant:
         """Return the arm at rest, held there by its motors. Raises HilrigError without PyBullet."""
         self._require_pybullet()
         # Imported here because the controller's process needs this driver's robot but no physics engine.
         from hilrig_drivers._bullet_plant import BulletPlant
 
-        return BulletPlant(self, self.contact == "engine", self.substep, begin)
+        return BulletPlant(self, self.contact == "engine", self.substep, start)
 
     def render(self, joint_positions: Array, width: int, height: int) -> list[Picture]:
         """Return pictures (height, width, 3) uint8 of the arm at `joint_positions` (F, 2) rad.

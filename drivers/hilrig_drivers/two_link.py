@@ -39,9 +39,9 @@ class TwoLink(PlanarArm):
 
     substep: Annotated[float, Parameter("s", "largest integration step", 1e-6, 1e-2, "log")] = 2.5e-4
 
-    def begin(self, begin: TrialStart) -> TwoLinkPlant:
+    def connect(self, start: TrialStart) -> TwoLinkPlant:
         """Return the arm at rest, held there by its motors."""
-        return TwoLinkPlant(self, begin)
+        return TwoLinkPlant(self, start)
 
 
 class Model(NamedTuple):
@@ -57,10 +57,10 @@ class Model(NamedTuple):
 class TwoLinkPlant:
     """The arm in one trial."""
 
-    def __init__(self, driver: TwoLink, begin: TrialStart) -> None:
-        steps = max(1, int(np.ceil(begin.period / driver.substep - 1e-9)))
-        self._model = Model(driver.constants(), begin.period / steps, steps)
-        self._state = np.concatenate([begin.joint_position, np.zeros(4)])
+    def __init__(self, driver: TwoLink, start: TrialStart) -> None:
+        steps = max(1, int(np.ceil(start.period / driver.substep - 1e-9)))
+        self._model = Model(driver.constants(), start.period / steps, steps)
+        self._state = np.concatenate([start.joint_position, np.zeros(4)])
         self._begun = False
 
     def kernels(self) -> PlantKernels:
@@ -78,7 +78,7 @@ class TwoLinkPlant:
         """Integrate one period with the command held."""
         advance(self._model, self._state, disturbance, command.torque, command.position)
 
-    def hold(self) -> Command:
+    def holding_command(self) -> Command:
         """Return the command that holds the arm where it is."""
         assert self._begun, "measure() comes first"
         torque, q = self._state[4:].copy(), self._state[:2]

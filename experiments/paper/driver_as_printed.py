@@ -16,9 +16,9 @@ class DriverAsPrinted(TwoLink):
     M' - 2C is then not skew-symmetric: the arm gains and loses energy on its own.
     """
 
-    def begin(self, begin: TrialStart) -> TwoLinkPlant:
+    def connect(self, start: TrialStart) -> TwoLinkPlant:
         """Return the arm at rest, held there by its motors."""
-        return PlantAsPrinted(self, begin)
+        return PlantAsPrinted(self, start)
 
 
 class PlantAsPrinted(TwoLinkPlant):

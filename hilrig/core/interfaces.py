@@ -178,6 +178,8 @@ class Capabilities(NamedTuple):
     """The plant fields of `DisturbanceSchedule` that it can apply"""
     simulated: bool
     """Whether the plant waits for the command; a robot does not"""
+    stop_time: float = 0.0
+    """Longest time that `hold` and `close` may take together, s; nothing interrupts them before"""
 
 
 class TrialStart(NamedTuple):
@@ -187,24 +189,49 @@ class TrialStart(NamedTuple):
     """s"""
     joint_position: Array
     """Where the trial begins, at rest, (n,) rad"""
+    force: Array
+    """F_d at the first tick, (m,) N; zero in position-controlled axes"""
+
+
+class Progress(NamedTuple):
+    """What a plant does for one period before or after the ticks of a trial."""
+
+    what: str
+    """In words, such as "going to the start"."""
+    value: float = np.nan
+    """How far it is, in `unit`; nan if unknown"""
+    target: float = np.nan
+    """Where it ends"""
+    unit: str = ""
+    command: Command | None = None
+    """Command for this period, which passes the envelope as those of a law do; None if the plant moves by itself"""
 
 
 class Plant(Protocol):
     """A driver's plant during one trial. `measure` is called first.
 
-    A plant that also offers `kernels() -> PlantKernels` can be part of a compiled trial.
+    A simulated plant that also offers `kernels() -> PlantKernels` can be part of a compiled trial.
+
+    Any plant may offer `hold`, and one that is not simulated must: `hold()` stops the plant where it is and keeps it
+    there, without further calls, whatever it was doing. It may be called at any time after `connect`, also twice.
+
+    A plant may offer steps around the ticks, as generators that yield a `Progress` once per period, without blocking:
+    `prepare()` tares the sensors and moves the arm slowly to the start, `approach()` moves until contact is felt,
+    `retract()` moves away after the last tick. Each can be left at any period through `hold`.
+
+    A plant may offer `await_sample(timeout_s) -> bool`: wait for the next sample, and return whether it is there.
     """
 
     def measure(self, disturbance: PlantDisturbance) -> Measurement:
-        """Return the current sensor readings."""
+        """Return the newest sensor readings."""
         ...
 
     def advance(self, command: Command, disturbance: PlantDisturbance) -> None:
         """Apply `command` for one period. A real plant sends it and returns."""
         ...
 
-    def hold(self) -> Command:
-        """Return the command that holds the plant where it is; in effect until the first command arrives."""
+    def holding_command(self) -> Command:
+        """Return the command that keeps the plant where it is; in effect until the law's first command arrives."""
         ...
 
     def truth(self, disturbance: PlantDisturbance) -> Truth | None:
@@ -212,7 +239,7 @@ class Plant(Protocol):
         ...
 
     def close(self) -> None:
-        """Leave the plant in a safe state."""
+        """Release the plant, which is held. Called once, after `hold`."""
         ...
 
 
@@ -240,8 +267,8 @@ class Driver(Protocol):
         """Nominal position of the surface along the last task axis, m."""
         ...
 
-    def begin(self, begin: TrialStart) -> Plant:
-        """Return the plant, ready for a trial, at rest at the given joint position."""
+    def connect(self, start: TrialStart) -> Plant:
+        """Return the plant for one trial. Nothing moves yet; a simulated plant is at rest at the start."""
         ...
 
 

@@ -30,6 +30,10 @@ class Measurement(NamedTuple):
     """Force (N) then moment (N m) that the robot exerts, task frame, (6,)"""
     applied_torque: Array
     """Joint torque in effect until this tick, (n,) N m; at tick 0 the torque that holds the arm"""
+    stamp: float = np.nan
+    """When the sample was taken, s, on any one clock; nan: at this tick. Differences of stamps give the rates"""
+    fresh: bool = True
+    """Whether the sample is new since the last tick; a law is not called on a repeated one"""
 
 
 class Command(NamedTuple):

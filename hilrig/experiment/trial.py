@@ -23,6 +23,7 @@ from hilrig.core.interfaces import (
     Samples,
     Span,
     Task,
+    TrialStart,
 )  # fmt: skip
 from hilrig.core.parameters import Parameter
 from hilrig.core.signals import Array, DisturbanceSchedule, Reference, State
@@ -260,6 +261,11 @@ def make_task(trial: Trial) -> Task:
 def start_joint_position(trial: Trial) -> Array:
     """Return the joint position (n,) rad at which the trial starts. Raises OutOfReach."""
     return trial.driver.robot.inverse_kinematics(np.array(trial.start_position))
+
+
+def trial_start(trial: Trial) -> TrialStart:
+    """Return what the driver receives before the trial. Raises OutOfReach."""
+    return TrialStart(trial.period, start_joint_position(trial), references(trial).force[0])
 
 
 def first_state(trial: Trial, q: Array, force: Array, torque: Array, elapsed: float) -> State:

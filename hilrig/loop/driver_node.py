@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from hilrig.core.errors import Tripped
-from hilrig.core.interfaces import Plant, TrialStart
-from hilrig.core.signals import Command, Measurement, plant_disturbance
-from hilrig.experiment.trial import Trial, start_joint_position
+from hilrig.core.interfaces import Plant
+from hilrig.core.signals import Command, plant_disturbance
+from hilrig.experiment.trial import Trial, trial_start
 from hilrig.loop.measure import DriverArrays, driver_arrays, driver_ticks
-from hilrig.loop.plain_parts import plant_kernels, take
+from hilrig.loop.plain_parts import plant_kernels, take, take_measurement
 from hilrig.loop.rows import DriverRows
 from hilrig.loop.safety import why_unsafe
 
@@ -22,7 +22,7 @@ class DriverNode:
     def __init__(self, trial: Trial) -> None:
         self.trial = trial
         self.arrays: DriverArrays = driver_arrays(trial)
-        self.plant: Plant = trial.driver.begin(TrialStart(trial.period, start_joint_position(trial)))
+        self.plant: Plant = trial.driver.connect(trial_start(trial))
         self.truthful = False
         """Whether the plant knows its true state; valid from the first measurement on"""
         self._parts: Iterator[bool] | None = None
@@ -44,16 +44,16 @@ class DriverNode:
         self._acting = acting
         self._parts = driver_ticks(self.kernels, self.trial.ticks, self.arrays, rows, acting)
 
-    def begin(self) -> Command:
+    def first(self) -> Command:
         """Measure for the first time, just before the first tick; return the command that holds the plant."""
         now = plant_disturbance(self.arrays.schedule, 0)
         first = self.arrays.observation.measurement
-        take(first, self.plant.measure(now), Measurement, f"driver {self._name}: measure")
+        take_measurement(first, self.plant.measure(now), f"driver {self._name}: measure")
         self.arrays.last_position[:] = first.joint_position
         self.truthful = self.plant.truth(now) is not None
         self._begun = True
         hold = Command(*(np.zeros(self.trial.driver.robot.joints) for _ in Command._fields))
-        take(hold, self.plant.hold(), Command, f"driver {self._name}: hold")
+        take(hold, self.plant.holding_command(), Command, f"driver {self._name}: holding_command")
         return hold
 
     def measure(self, tick: int) -> None:
@@ -61,7 +61,7 @@ class DriverNode:
         assert self._parts is not None, "bind() comes first"
         if not self._begun:
             assert self._acting is not None
-            for room, value in zip(self._acting, self.begin(), strict=True):
+            for room, value in zip(self._acting, self.first(), strict=True):
                 room[:] = value
         if not next(self._parts):
             raise Tripped(self.why_unsafe(tick))

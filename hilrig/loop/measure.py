@@ -139,7 +139,7 @@ def driver_arrays(trial: Trial) -> DriverArrays:
     schedule = disturbance_schedule(trial)
     n, m, depth = trial.driver.robot.joints, len(trial.axes), int(schedule.measurement_delay.max(initial=0)) + 1
     observation = Observation.empty(n, m)
-    past = Measurement(*(np.zeros((depth, value.size)) for value in observation.measurement))
+    past = Measurement(np.zeros((depth, n)), np.zeros((depth, 6)), np.zeros((depth, n)))
     limits = trial.limits
     return DriverArrays(
         schedule,

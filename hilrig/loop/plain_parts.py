@@ -35,7 +35,7 @@ def plant_kernels(plant: Plant, driver: str) -> PlantKernels:
 
 
 def _observe(plain: PlainPlant, _state: Array, disturbance: PlantDisturbance, room: Observation) -> float:
-    take(room.measurement, plain.plant.measure(disturbance), Measurement, plain.measure)
+    take_measurement(room.measurement, plain.plant.measure(disturbance), plain.measure)
     truth = plain.plant.truth(disturbance)
     if truth is None:
         for place in room.truth[:-1]:
@@ -66,6 +66,12 @@ def take(places: Sequence[Array], found: Any, form: type, who: str) -> None:
             place[...] = value
         else:
             _convert(place, value, f"{who} returned {cast(Any, form)._fields[i]} as")
+
+
+def take_measurement(room: Measurement, found: Any, who: str) -> None:
+    """Copy the arrays of a measurement into `room`. Raises PluginError, which begins with `who`, if it is none."""
+    whole = isinstance(found, tuple) and len(found) == len(Measurement._fields)
+    take(room[:3], found[:3] if whole else found, Measurement, who)
 
 
 def is_plain(value: Any, shape: tuple[int, ...]) -> bool:

@@ -105,7 +105,7 @@ class WholeTrial:
         """
         driver, controller = self._driver, self._controller
         commands = Command(
-            *(np.repeat(part[None, :], self._trial.actuation_delay + 1, axis=0) for part in driver.begin())
+            *(np.repeat(part[None, :], self._trial.actuation_delay + 1, axis=0) for part in driver.first())
         )
         self._arrays = TrialArrays(driver.arrays, controller.arrays, commands, self._trial.actuation_delay)
         measure = measuring(driver.kernels)

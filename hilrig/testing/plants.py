@@ -43,12 +43,17 @@ def begun(driver: Driver, depth: float = DEPTH) -> Iterator[Plant]:
     Raises NotApplicableError for a driver whose plant is not simulated: a test never moves a robot.
     """
     require_simulated(driver)
-    plant = driver.begin(TrialStart(PERIOD, pose(driver, depth)))
+    plant = driver.connect(start_at(driver, pose(driver, depth)))
     try:
         plant.measure(still(driver.robot))
         yield plant
     finally:
         plant.close()
+
+
+def start_at(driver: Driver, joint_position: Array) -> TrialStart:
+    """Return the start of a trial at this joint position, (n,) rad, without a desired force."""
+    return TrialStart(PERIOD, joint_position, np.zeros(len(driver.robot.axes)))
 
 
 def require_simulated(driver: Driver) -> None:
@@ -84,7 +89,7 @@ def pose(driver: Driver, depth: float) -> Array:
 def pushed(driver: Driver, plant: Plant, disturbance: PlantDisturbance, ticks: int = 60) -> Array:
     """Return how far the tip moves, (m,) m, with a push of 4 N along the first axis added to the holding command."""
     robot, quiet = driver.robot, still(driver.robot)
-    start, hold = plant.measure(quiet).joint_position.copy(), plant.hold()
+    start, hold = plant.measure(quiet).joint_position.copy(), plant.holding_command()
     push = robot.kinematics(start, 0 * start).jacobian[0] * PUSH
     command = Command(hold.torque + push, hold.position + (push / driver.servo_gain if driver.servo_gain else 0.0))
     for _ in range(ticks):
@@ -102,7 +107,7 @@ def swinging(driver: Driver, plant: Plant, k: int) -> Command:
     """Return the command of tick k in a swing about the plant's position."""
     n = driver.robot.joints
     swing = 0.5 * np.sin(0.3 * k + np.arange(n))
-    hold = plant.hold()
+    hold = plant.holding_command()
     return Command(hold.torque + swing, hold.position + (swing / driver.servo_gain if driver.servo_gain else 0.0))
 
 

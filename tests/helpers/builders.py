@@ -73,7 +73,7 @@ def torque_command(torque: Array | tuple[float, float], q: Array | None = None) 
 
 def begin(driver: Driver, q: Array | tuple[float, float], period: float = PERIOD) -> Plant:
     """Return the driver's plant at rest at q, measured once, as the rig does before anything else."""
-    plant = driver.begin(TrialStart(period, np.array(q, dtype=np.float64)))
+    plant = driver.connect(TrialStart(period, np.array(q, dtype=np.float64), np.zeros(2)))
     plant.measure(STILL)
     return plant
 

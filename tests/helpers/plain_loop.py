@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hilrig.core.errors import PluginError, Tripped
-from hilrig.core.interfaces import TrialStart
 from hilrig.core.signals import WRENCH_AXES, Array, Command, Measurement, Reference, State, Truth, plant_disturbance
-from hilrig.experiment.trial import Trial, disturbance_schedule, make_task, references, start_joint_position
+from hilrig.experiment.trial import Trial, disturbance_schedule, make_task, references, trial_start
 from hilrig.recording.messages.layouts import layouts
 
 
@@ -19,7 +18,7 @@ class PlainDriver:
 
     def __init__(self, trial: Trial) -> None:
         self._trial, self._schedule = trial, disturbance_schedule(trial)
-        self.plant = trial.driver.begin(TrialStart(trial.period, start_joint_position(trial)))
+        self.plant = trial.driver.connect(trial_start(trial))
         self._exact: list[Measurement] = []
         self._hold: Command | None = None
 
@@ -27,7 +26,7 @@ class PlainDriver:
         """Return what the sensors report, and the truth. Raises Tripped."""
         now = plant_disturbance(self._schedule, tick)
         exact, truth = self.plant.measure(now), self.plant.truth(now)
-        self._hold = self._hold or self.plant.hold()
+        self._hold = self._hold or self.plant.holding_command()
         self._check(tick, exact)
         self._exact.append(exact)
         old = self._exact[max(tick - int(self._schedule.measurement_delay[tick]), 0)]

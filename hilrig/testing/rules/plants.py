@@ -22,11 +22,11 @@ def advance_moves_the_plant(driver: Driver) -> None:
 
 
 @rule("drivers")
-def hold_keeps_the_plant_where_it_is(driver: Driver) -> None:
-    """`hold` must return the command that keeps the plant in place, in the air and in contact."""
+def the_holding_command_keeps_the_plant(driver: Driver) -> None:
+    """`holding_command` must return the command that keeps the plant in place, in the air and in contact."""
     for where, depth in (("in the air", CLEAR), ("in contact", DEPTH)):
         with begun(driver, depth) as plant:
-            hold, before = plant.hold(), plant.measure(still(driver.robot)).joint_position.copy()
+            hold, before = plant.holding_command(), plant.measure(still(driver.robot)).joint_position.copy()
             for _ in range(100):
                 plant.advance(hold, still(driver.robot))
             moved = np.abs(plant.measure(still(driver.robot)).joint_position - before).max()
@@ -51,8 +51,8 @@ def the_torque_at_the_start_is_what_holds_the_plant(driver: Driver) -> None:
     if driver.servo_gain is not None:
         return
     with begun(driver) as plant:
-        applied, hold = plant.measure(still(driver.robot)).applied_torque, plant.hold().torque
-        require(np.allclose(applied, hold), "it is {} N m, and `hold` gives {}", applied, hold)
+        applied, hold = plant.measure(still(driver.robot)).applied_torque, plant.holding_command().torque
+        require(np.allclose(applied, hold), "it is {} N m, and `holding_command` gives {}", applied, hold)
 
 
 @rule("drivers")

@@ -58,7 +58,7 @@ def test_the_urdf_has_the_arms_gravity_and_geometry(robot: Planar2r) -> None:
 def driven(driver: Driver, ticks: int = 300) -> Array:
     """Return q after a torque that swings the arm against the surface: its hold plus a sine."""
     plant = begin(driver, touching(arm(), 0.002))
-    hold = plant.hold().torque
+    hold = plant.holding_command().torque
     for k in range(ticks):
         swing = np.array([0.3, -0.2]) * np.sin(2 * np.pi * 4 * k * PERIOD)
         plant.advance(torque_command(hold + swing), STILL)
@@ -93,7 +93,7 @@ def test_it_moves_as_the_two_link_arm_does(friction: dict[str, Any], rough: floa
 def pushed(driver: Driver, force: tuple[float, float]) -> Array:
     """Return how far the tip of an arm that holds its weight comes in 60 ms under an external force."""
     plant = begin(driver, (0.4, 1.3))
-    hold, start = plant.hold(), true_state(plant).position
+    hold, start = plant.holding_command(), true_state(plant).position
     for _ in range(60):
         plant.advance(hold, STILL._replace(tip_force=np.array(force)))
     moved = true_state(plant).position - start
@@ -119,7 +119,7 @@ def test_the_same_trial_twice_gives_the_same_bits(contact: str) -> None:
 
 def test_explicit_contact_has_the_exact_static_force() -> None:
     plant = begin(PybulletArm(arm(), surface()), touching(arm(), 0.01))
-    hold, at_first = plant.hold(), plant.measure(STILL)
+    hold, at_first = plant.holding_command(), plant.measure(STILL)
     assert at_first.wrench[2] == pytest.approx(8.0, abs=1e-9)
     for _ in range(300):
         plant.advance(hold, STILL)
@@ -203,7 +203,7 @@ def test_the_engines_friction_is_coulombs(friction: float) -> None:
 
 def test_servo_and_torque_actuation_agree_at_rest() -> None:
     plant = begin(PybulletArm(arm(), FAR_AWAY, Actuation("position_servo", stiffness=200.0)), (0.4, 1.3))
-    hold, before = plant.hold(), plant.measure(STILL).joint_position
+    hold, before = plant.holding_command(), plant.measure(STILL).joint_position
     for _ in range(200):
         plant.advance(hold, STILL)
     np.testing.assert_allclose(plant.measure(STILL).joint_position, before, atol=1e-7)

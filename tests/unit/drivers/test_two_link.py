@@ -95,7 +95,7 @@ def test_a_period_under_every_disturbance_is_what_another_integrator_finds(actua
     """M q'' = tau - C q' - G - F - J^T F_e by the mechanics of `rods` and SciPy; the surface moves."""
     coulomb, viscous, period = np.array([0.2, 0.1]), np.array([0.05, 0.02]), 5e-3
     driver = TwoLink(ARM, surface(position=0.32, pulls=True), actuation, (0.2, 0.1), (0.05, 0.02), substep=1e-3)
-    plant = driver.begin(TrialStart(period, np.array(Q)))
+    plant = driver.connect(TrialStart(period, np.array(Q), np.zeros(2)))
     plant.measure(STILL)
     command = torque_command((2.0, 0.5), np.array(Q) + np.array([0.1, 0.02]))
     plant.kernels().state[2:4] = 1.0, -1.5
@@ -130,7 +130,7 @@ def test_a_period_under_every_disturbance_is_what_another_integrator_finds(actua
 def test_what_holds_the_arm_is_found_once() -> None:
     """Later measurements leave the motors' torque as it is, and the command to hold does not change behind its back."""
     plant = begin(TwoLink(arm(), surface()), Q)
-    hold = plant.hold()
+    hold = plant.holding_command()
     first = hold.torque.copy()
     plant.advance(torque_command((1.0, 2.0)), STILL)
     np.testing.assert_array_equal(plant.measure(STILL).applied_torque, [1.0, 2.0])
@@ -171,7 +171,7 @@ def test_small_swings_have_the_pendulums_period() -> None:
 def test_held_at_rest_in_contact_nothing_moves(actuation: Actuation) -> None:
     plant = begin(TwoLink(arm(), surface(), actuation), arm().inverse_kinematics(np.array([0.1, 0.36])))
     assert true_state(plant).wrench[2] == pytest.approx(8.0)
-    hold, before = plant.hold(), true_state(plant)
+    hold, before = plant.holding_command(), true_state(plant)
     for _ in range(500):
         plant.advance(hold, STILL)
     after = true_state(plant)

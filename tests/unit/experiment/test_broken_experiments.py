@@ -309,7 +309,7 @@ class Fixed:
     def surface_position(self):
         return self.surface.position
 
-    def begin(self, begin):
+    def connect(self, start):
         raise NotImplementedError
 '''
 

@@ -288,6 +288,6 @@ def test_the_plan_of_a_run_is_read_without_the_drivers_engine(monkeypatch: pytes
     monkeypatch.setattr(pybullet_arm, "find_spec", lambda name: None)
     assert restore("drivers", dump(driver)) == driver
     with pytest.raises(HilrigError, match="needs PyBullet"):
-        driver.begin(TrialStart(1e-3, np.zeros(2)))
+        driver.connect(TrialStart(1e-3, np.zeros(2), np.zeros(2)))
     with pytest.raises(HilrigError, match="needs PyBullet"):
         driver.render(np.zeros((1, 2)), 4, 3)

@@ -147,7 +147,7 @@ def test_sliding_mode_is_the_model_plus_the_switching_force() -> None:
 def test_pd_holds_the_arm_where_it_is(gravity: str) -> None:
     """Nothing is asked for and nothing touches the arm: the torque is its weight, in both ways of knowing it."""
     plant = begin(TwoLink(ARM, FAR_AWAY), Q)
-    weight = plant.hold().torque
+    weight = plant.holding_command().torque
     start = state(ARM, Q, np.zeros(2), torque=weight)
     law = Pd(gravity=gravity).start(task(ARM), start)
     np.testing.assert_allclose(run(law, start, reference(position=start.position)), weight, rtol=1e-12)

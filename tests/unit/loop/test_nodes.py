@@ -369,12 +369,12 @@ class Late:
 def slow_plant(driver: TwoLink, manner: str) -> Any:
     """Return the driver with a plant in plain Python that applies each command one period late."""
 
-    def begin(start: TrialStart) -> Any:
-        plant = driver.begin(start)
+    def connect(start: TrialStart) -> Any:
+        plant = driver.connect(start)
         late = Late(lambda *command: plant.advance(Command(*command), STILL), manner)
         return InPython(plant, advance=lambda command, now: late(*command))
 
-    return InPython(driver, begin=begin)
+    return InPython(driver, connect=connect)
 
 
 def slow_robot(driver: TwoLink, manner: str) -> Any:

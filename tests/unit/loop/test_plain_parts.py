@@ -24,7 +24,7 @@ class OddPlant:
         self.plant, self.odd, self.change, self.count = plant, odd, change, 0
 
     def _maybe(self, name: str, value: Any) -> Any:
-        return self.change(value) if name == self.odd and (name == "hold" or self.count > 4) else value
+        return self.change(value) if name == self.odd and (name == "holding_command" or self.count > 4) else value
 
     def measure(self, disturbance: PlantDisturbance) -> Measurement:
         self.count += 1
@@ -33,8 +33,8 @@ class OddPlant:
     def truth(self, disturbance: PlantDisturbance) -> Truth:
         return self._maybe("truth", self.plant.truth(disturbance))
 
-    def hold(self) -> Command:
-        return self._maybe("hold", self.plant.hold())
+    def holding_command(self) -> Command:
+        return self._maybe("holding_command", self.plant.holding_command())
 
     def advance(self, command: Command, disturbance: PlantDisturbance) -> None:
         self.plant.advance(command, disturbance)
@@ -48,8 +48,8 @@ class Odd(TwoLink):
     odd: str = ""
     change: Any = None
 
-    def begin(self, start: TrialStart) -> Any:
-        return OddPlant(super().begin(start), self.odd, self.change)
+    def connect(self, start: TrialStart) -> Any:
+        return OddPlant(super().connect(start), self.odd, self.change)
 
 
 def driven(odd: str, change: Callable[[Any], Any]) -> Any:
@@ -70,8 +70,8 @@ def driven(odd: str, change: Callable[[Any], Any]) -> Any:
         ("truth", lambda found: found._replace(velocity=np.zeros(3)), "truth returned velocity as an array of shape"),
         ("truth", lambda found: 3.0, "truth returned a float; it must return a Truth"),
         ("truth", lambda found: found._replace(surface_position="here"), "truth returned surface_position as a str"),
-        ("hold", lambda found: None, "hold returned None; it must return a Command"),
-        ("hold", lambda found: Command(0.0, 0.0), "hold returned torque as an array of shape ()"),
+        ("holding_command", lambda found: None, "holding_command returned None; it must return a Command"),
+        ("holding_command", lambda found: Command(0.0, 0.0), "holding_command returned torque as an array of shape ()"),
     ],
 )  # fmt: skip
 def test_what_a_plant_returns_wrong_names_the_driver(odd: str, change: Any, words: str) -> None:

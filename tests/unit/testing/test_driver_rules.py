@@ -34,9 +34,9 @@ class Mine:
     def surface_position(self):
         return self.surface.position
 
-    def begin(self, begin):
-        # begin
-        return Arm(TwoLink(self.robot, self.surface).begin(begin))
+    def connect(self, start):
+        # connect
+        return Arm(TwoLink(self.robot, self.surface).connect(start))
 
     # render
 
@@ -54,9 +54,9 @@ class Arm:
         # advance
         self.plant.advance(command, disturbance)
 
-    def hold(self):
-        # hold
-        return self.plant.hold()
+    def holding_command(self):
+        # holding_command
+        return self.plant.holding_command()
 
     def truth(self, disturbance):
         true = self.plant.truth(disturbance)
@@ -75,9 +75,9 @@ SPINNING = """
         seen = seen._replace(joint_position=seen.joint_position + 1e-3 * (time.monotonic() - self.clock))
 """
 LIGHT = """
-        free = TwoLink(self.robot, Surface(9.0)).begin(begin)
+        free = TwoLink(self.robot, Surface(9.0)).connect(start)
         free.measure(PlantDisturbance(np.zeros(2), 0.0, 0.0, 1.0, 1.0, 1.0))
-        Arm.light = free.hold()
+        Arm.light = free.holding_command()
 """
 KERNELS = """
     def kernels(self):
@@ -105,26 +105,29 @@ FAULTS = {
     ),
     "measurements_have_their_shapes list": ({"measure": "seen = tuple(seen)"}, "it returned a tuple"),
     "it_begins_at_rest_where_it_is_told": (
-        {"begin": "begin = begin._replace(joint_position=begin.joint_position + 0.01)"}, "it began at [",
+        {"connect": "start = start._replace(joint_position=start.joint_position + 0.01)"}, "it began at [",
     ),
     "it_begins_at_rest_where_it_is_told copy": (
         {"measure": "seen = seen._replace(joint_position=self.start) if self.last is None else seen",
-         "begin": "Arm.start = begin.joint_position"}, "it began at [nan, nan] rad",
+         "connect": "Arm.start = start.joint_position"}, "it began at [nan, nan] rad",
     ),
     "only_advance_moves_the_plant": (
-        {"measure": "self.plant.advance(self.plant.hold(), disturbance)"}, "after `measure`",
+        {"measure": "self.plant.advance(self.plant.holding_command(), disturbance)"}, "after `measure`",
     ),
     "only_advance_moves_the_plant noise": (
         {"measure": "seen = seen._replace(wrench=seen.wrench + np.random.normal(size=6))"},
         "after `measure`, `truth` and",
     ),
     "only_advance_moves_the_plant clock": ({"measure": SPINNING}, "measure().joint_position was ["),
-    "advance_moves_the_plant": ({"advance": "command = self.plant.hold()"}, "moved the tip by [0, 0] m in 60 ms"),
-    "hold_keeps_the_plant_where_it_is": (
-        {"hold": "return self.plant.hold()._replace(torque=np.zeros(2))"}, "in the air it moved by ",
+    "advance_moves_the_plant": (
+        {"advance": "command = self.plant.holding_command()"}, "moved the tip by [0, 0] m in 60 ms",
     ),
-    "hold_keeps_the_plant_where_it_is contact": (
-        {"begin": LIGHT, "hold": "return self.light"}, "in contact it moved by ",
+    "the_holding_command_keeps_the_plant": (
+        {"holding_command": "return self.plant.holding_command()._replace(torque=np.zeros(2))"},
+        "in the air it moved by ",
+    ),
+    "the_holding_command_keeps_the_plant contact": (
+        {"connect": LIGHT, "holding_command": "return self.light"}, "in contact it moved by ",
     ),
     "what_was_measured_stays_as_it_was": ({"measure": BUFFER}, "measure().joint_position went from ["),
     "commands_and_disturbances_are_only_read": (
@@ -144,7 +147,7 @@ FAULTS = {
     ),
     "the_torque_at_the_start_is_what_holds_the_plant": (
         {"measure": "seen = seen if self.last else seen._replace(applied_torque=np.zeros(2))"},
-        "it is [0, 0] N m, and `hold`",
+        "it is [0, 0] N m, and `holding_command`",
     ),
     "the_truth_agrees_with_the_measurement": ({"truth": "true = true._replace(wrench=-true.wrench)"}, "its wrench is "),
     "the_truth_agrees_with_the_measurement surface": (
@@ -169,7 +172,7 @@ FAULTS = {
         {"advance": "disturbance = disturbance._replace(surface_offset=1e-6 * np.random.normal())"}, "the second time",
     ),
     "the_same_commands_give_the_same_bits beside": (
-        {"begin": "Arm.calls = 0",
+        {"connect": "Arm.calls = 0",
          "advance": "Arm.calls += 1; disturbance = disturbance._replace(surface_offset=1e-6 * Arm.calls)"},
         "the second time",
     ),
@@ -200,9 +203,9 @@ def test_each_fault_is_noticed_and_told(tmp_path: Path, fault: str) -> None:
 
 
 def test_a_real_plant_is_not_moved(tmp_path: Path) -> None:
-    """Its `begin` would raise; what can be said of it without moving it is checked."""
+    """Its `connect` would raise; what can be said of it without moving it is checked."""
     real = changed(
-        GOOD, begin="raise RuntimeError('who moves my arm?')",
+        GOOD, connect="raise RuntimeError('who moves my arm?')",
         **{"class": "capabilities = Capabilities(('realtime',), (), False)"},
         render="def render(self, q, width, height): raise RuntimeError",
     )  # fmt: skip
@@ -214,7 +217,7 @@ def test_a_surface_out_of_reach_is_said(tmp_path: Path) -> None:
     assert "the robot reaches no point on its surface, at 9 m along z; give the test a surface" in str(sentence)
 
 
-@pytest.mark.parametrize("place", ["begin", "measure", "advance", "hold", "truth", "close"])
+@pytest.mark.parametrize("place", ["connect", "measure", "advance", "holding_command", "truth", "close"])
 def test_an_exception_is_told_once(tmp_path: Path, place: str) -> None:
     source, words = changed(GOOD, **{place: "1 / 0"}), "it raised ZeroDivisionError: division by zero (line "
     assert_the_first_rule_alone("drivers", source, tmp_path, "a_plant_begins_and_runs", words, **VALUES)

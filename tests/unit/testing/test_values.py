@@ -44,7 +44,7 @@ class Mine:
         if type(self.robot).__name__ != "Longarm":
             raise ValueError(f"it drives no {type(self.robot).__name__}")
 
-    def begin(self, start):
+    def connect(self, start):
         raise AssertionError("nobody moves it")
 '''
 
