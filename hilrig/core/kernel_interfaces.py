@@ -25,13 +25,17 @@ class Observation(NamedTuple):
     """Without sensor errors, which the rig adds"""
     truth: Truth
     """All but the position of the surface: a number in a tuple cannot be written in place"""
+    sample: Array
+    """The measurement's stamp, s, and 1 if it is fresh, else 0, (2,); a kernel leaves them: nan and 1"""
 
     @classmethod
     def empty(cls, joints: int, axes: int) -> Observation:
         """Return arrays for n = `joints` and m = `axes`, filled with nan."""
         n, m, wrench = np.full(joints, np.nan), np.full(axes, np.nan), np.full(6, np.nan)
         return cls(
-            Measurement(n.copy(), wrench, n.copy()), Truth(n.copy(), n.copy(), m.copy(), m.copy(), wrench.copy(), 0.0)
+            Measurement(n.copy(), wrench, n.copy()),
+            Truth(n.copy(), n.copy(), m.copy(), m.copy(), wrench.copy(), 0.0),
+            np.array([np.nan, 1.0]),
         )
 
 

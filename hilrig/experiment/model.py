@@ -39,6 +39,10 @@ class TaskSection:
         float, Parameter("Hz", "cut-off frequency of the joint velocity filter", 1e-2, 1e5, "log")
     ] = 100.0
     start: Annotated[Mapping[str, float], Parameter("m", "where the tip starts, by axis")] = field(default_factory=dict)
+    on_stale_sample: Annotated[
+        Literal["hold", "call"],
+        Parameter("", "where a sample is not new: the last command is held, or the law is called all the same"),
+    ] = "hold"
 
 
 @dataclass(frozen=True)

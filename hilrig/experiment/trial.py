@@ -62,6 +62,8 @@ class TaskSpec:
     """f_c of the joint velocity filter, Hz"""
     anti_windup: str = "clip"
     """Whether the filter's p_d, v_d are kept near the measured state, "clip", or run free, "none\""""
+    on_stale_sample: str = "hold"
+    """What happens where a sample is not fresh: the last command is held, "hold", or the law is called, "call\""""
 
     @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> TaskSpec:

@@ -35,8 +35,12 @@ class ControllerArrays(NamedTuple):
     """Indices of the task axes in a wrench, (m,)"""
     torque_limit: Array
     """(n,) N m"""
+    call_when_stale: bool
+    """Whether the law is also called where the sample is not fresh"""
     last_tick: NDArray[np.int64]
-    """Tick of the previous measurement, (1,)"""
+    """Ticks of the last fresh sample and of the law's last call, (2,)"""
+    last_stamp: Array
+    """Stamp of the last fresh sample, (1,) s; nan if it had none"""
     position: Array
     """Last measured q, (n,) rad"""
     velocity: Array
@@ -62,13 +66,13 @@ law_step: Callable[[Any, Any, State, Reference], Array] = cast(Any, None)
 
 
 def observe_template(
-    tick: int, q: Array, wrench: Array, robot: Any, arrays: ControllerArrays, rows: ControllerRows
+    tick: int, q: Array, wrench: Array, stamp: float, robot: Any, arrays: ControllerArrays, rows: ControllerRows
 ) -> float:
     """Compute what the law receives from joint positions (n,) and wrench (6,), and record it in the next row.
 
-    Returns the time since the last measurement, s.
+    Returns the time since the law's last call, s.
     """
-    elapsed = follow(tick, q, wrench, arrays)
+    elapsed = follow(tick, q, wrench, stamp, arrays)
     robot_kinematics(robot, arrays.position, arrays.velocity, arrays.at)
     # Before the answer, because a law that is a kernel may write into its arguments.
     note_given(tick, arrays, rows)
@@ -76,14 +80,18 @@ def observe_template(
 
 
 @kernel_without_arrays
-def follow(tick: int, q: Array, wrench: Array, arrays: ControllerArrays) -> float:
-    """Take in a measurement and the reference of its tick; return the time since the previous measurement, s."""
-    seen, wanted = arrays.seen, arrays.wanted
-    # In real time a tick can be missed: a difference over two periods must not be divided by one.
-    gap = max(tick - arrays.last_tick[0], 1)
-    arrays.last_tick[0] = tick
-    elapsed = gap * arrays.period
-    smoothing = arrays.smoothing if gap == 1 else 1.0 - (1.0 - arrays.smoothing) ** float(gap)
+def follow(tick: int, q: Array, wrench: Array, stamp: float, arrays: ControllerArrays) -> float:
+    """Take in a fresh sample and the reference of its tick; return the time since the law's last call, s."""
+    seen = arrays.seen
+    # A sample can be missed: a difference over two periods must not be divided by one.
+    gap = float(max(tick - arrays.last_tick[0], 1))
+    called, elapsed = (tick - arrays.last_tick[1]) * arrays.period, gap * arrays.period
+    if stamp > arrays.last_stamp[0]:  # false where there is no stamp
+        elapsed = stamp - arrays.last_stamp[0]
+        gap = elapsed / arrays.period
+    arrays.last_tick[:] = tick
+    arrays.last_stamp[0] = stamp
+    smoothing = arrays.smoothing if gap == 1.0 else 1.0 - (1.0 - arrays.smoothing) ** gap
     filter_velocity(arrays.velocity, q, arrays.position, elapsed, smoothing)
     put(arrays.position, q)
     put(seen.joint_position, q)
@@ -91,10 +99,28 @@ def follow(tick: int, q: Array, wrench: Array, arrays: ControllerArrays) -> floa
     put(seen.torque, arrays.torque)
     for i in range(seen.force.size):
         seen.force[i] = wrench[arrays.force_index[i]]
+    refer(tick, arrays)
+    return called if arrays.call_when_stale and called > 0.0 else elapsed
+
+
+@kernel_without_arrays
+def refer(tick: int, arrays: ControllerArrays) -> None:
+    """Take in the reference of a tick."""
+    wanted = arrays.wanted
     put(wanted.position, arrays.references.position[tick])
     put(wanted.velocity, arrays.references.velocity[tick])
     put(wanted.acceleration, arrays.references.acceleration[tick])
     put(wanted.force, arrays.references.force[tick])
+
+
+@kernel_without_arrays
+def repeat(tick: int, arrays: ControllerArrays, rows: ControllerRows) -> float:
+    """Record the last fresh sample again, with the reference of this tick; return the time since the last call, s."""
+    elapsed = (tick - arrays.last_tick[1]) * arrays.period
+    arrays.last_tick[1] = tick
+    put(arrays.seen.torque, arrays.torque)
+    refer(tick, arrays)
+    note_given(tick, arrays, rows)
     return elapsed
 
 
@@ -170,15 +196,22 @@ def controller_template(
 ) -> Iterator[bool]:  # fmt: skip
     """Answer the measurement in the first row of `heard` at every step; yield whether the answer can be commanded.
 
-    Each answer is written into the next row; after the last row comes the first again.
+    Each answer is written into the next row; after the last row comes the first again. Where the sample is not fresh
+    nothing is differentiated, and the last command is repeated unless the law is to be called all the same.
     """
     row, count = 0, rows.command.tick.size
     while True:
         tick = int(heard.tick[0])
         rows.written[0] = row
-        elapsed = observe(tick, heard.joint_position[0], heard.wrench[0], robot, arrays, rows)
-        asked = law_step(parameters, memory, since(elapsed, arrays.seen), arrays.wanted)
-        yield answer(tick, asked, fields, arrays, rows)
+        if heard.fresh[0]:
+            elapsed = observe(tick, heard.joint_position[0], heard.wrench[0], heard.stamp[0], robot, arrays, rows)
+        else:
+            elapsed = repeat(tick, arrays, rows)
+        if heard.fresh[0] or arrays.call_when_stale:
+            asked = law_step(parameters, memory, since(elapsed, arrays.seen), arrays.wanted)
+            yield answer(tick, asked, fields, arrays, rows)
+        else:
+            yield answer(tick, arrays.asked, fields, arrays, rows)
         row = (row + 1) % count
 
 
@@ -199,6 +232,7 @@ def controller_arrays(trial: Trial) -> ControllerArrays:
     force_index = np.array([WRENCH_AXES.index(axis) for axis in robot.axes])
     return ControllerArrays(
         references(trial), trial.period, trial.velocity_smoothing, trial.driver.servo_gain or 0.0, force_index,
-        np.array(robot.torque_limits()), np.zeros(1, np.int64), start.copy(), np.zeros(n), np.zeros(n), seen, at,
+        np.array(robot.torque_limits()), trial.task.on_stale_sample == "call", np.zeros(2, np.int64),
+        np.full(1, np.nan), start.copy(), np.zeros(n), np.zeros(n), seen, at,
         Reference(*(np.zeros(m) for _ in Reference._fields)), np.zeros(n), np.zeros(1, np.int64),
     )  # fmt: skip

@@ -47,9 +47,9 @@ class DriverNode:
     def first(self) -> Command:
         """Measure for the first time, just before the first tick; return the command that holds the plant."""
         now = plant_disturbance(self.arrays.schedule, 0)
-        first = self.arrays.observation.measurement
+        first = self.arrays.observation
         take_measurement(first, self.plant.measure(now), f"driver {self._name}: measure")
-        self.arrays.last_position[:] = first.joint_position
+        self.arrays.last_position[:] = first.measurement.joint_position
         self.truthful = self.plant.truth(now) is not None
         self._begun = True
         hold = Command(*(np.zeros(self.trial.driver.robot.joints) for _ in Command._fields))

@@ -43,6 +43,8 @@ class DriverArrays(NamedTuple):
     """What the plant reports now"""
     past: Measurement
     """The last D measurements, without sensor errors, indexed by tick modulo D: arrays (D, n), (D, 6), (D, n)"""
+    past_samples: Array
+    """Their stamps, s, and whether they were fresh, (D, 2)"""
 
 
 # `assembled` replaces these names.
@@ -82,6 +84,7 @@ def note_state(tick: int, row: int, arrays: DriverArrays, rows: DriverRows) -> N
     put(past.joint_position[slot], exact.joint_position)
     put(past.wrench[slot], exact.wrench)
     put(past.applied_torque[slot], exact.applied_torque)
+    put(arrays.past_samples[slot], arrays.observation.sample)
     # There was no measurement before the first tick: until the delay has passed, use the oldest one.
     slot = (tick - min(int(schedule.measurement_delay[tick]), tick)) % depth
     for i in range(exact.joint_position.size):
@@ -89,6 +92,9 @@ def note_state(tick: int, row: int, arrays: DriverArrays, rows: DriverRows) -> N
     for i in range(exact.wrench.size):
         state.wrench[row, i] = past.wrench[slot, i] + schedule.wrench_error[tick, i]
     put(state.applied_torque[row], past.applied_torque[slot])
+    state.stamp[row] = arrays.past_samples[slot, 0]
+    # Nothing came before the first tick, so its sample is new, even if it was also read to begin.
+    state.fresh[row] = np.uint64(1 if tick == 0 else arrays.past_samples[slot, 1])
 
 
 @kernel_without_arrays
@@ -149,4 +155,5 @@ def driver_arrays(trial: Trial) -> DriverArrays:
         np.zeros(n),
         observation,
         past,
+        np.zeros((depth, 2)),
     )

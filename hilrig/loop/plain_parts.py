@@ -35,7 +35,7 @@ def plant_kernels(plant: Plant, driver: str) -> PlantKernels:
 
 
 def _observe(plain: PlainPlant, _state: Array, disturbance: PlantDisturbance, room: Observation) -> float:
-    take_measurement(room.measurement, plain.plant.measure(disturbance), plain.measure)
+    take_measurement(room, plain.plant.measure(disturbance), plain.measure)
     truth = plain.plant.truth(disturbance)
     if truth is None:
         for place in room.truth[:-1]:
@@ -68,10 +68,14 @@ def take(places: Sequence[Array], found: Any, form: type, who: str) -> None:
             _convert(place, value, f"{who} returned {cast(Any, form)._fields[i]} as")
 
 
-def take_measurement(room: Measurement, found: Any, who: str) -> None:
-    """Copy the arrays of a measurement into `room`. Raises PluginError, which begins with `who`, if it is none."""
-    whole = isinstance(found, tuple) and len(found) == len(Measurement._fields)
-    take(room[:3], found[:3] if whole else found, Measurement, who)
+def take_measurement(room: Observation, found: Any, who: str) -> None:
+    """Copy a measurement into `room`. Raises PluginError, which begins with `who`, if it is none."""
+    if isinstance(found, tuple) and len(found) == len(Measurement._fields):
+        found, sample = found[:3], found[3:]
+        if not isinstance(sample[0], (int, float)) or not isinstance(sample[1], (bool, np.bool_)):
+            raise PluginError(f"{who} returned stamp {sample[0]!r}, fresh {sample[1]!r}: they must be s and a bool")
+        room.sample[0], room.sample[1] = sample
+    take(room.measurement[:3], found, Measurement, who)
 
 
 def is_plain(value: Any, shape: tuple[int, ...]) -> bool:

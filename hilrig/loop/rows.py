@@ -24,6 +24,8 @@ class StateRows(NamedTuple):
     joint_position: Array
     wrench: Array
     applied_torque: Array
+    stamp: Array
+    fresh: NDArray[np.uint64]
 
 
 class TruthRows(NamedTuple):

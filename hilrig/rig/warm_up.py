@@ -48,7 +48,7 @@ def warm_up_controller(trial: Trial) -> dict[str, int]:
     heard = HeardState(codecs)
     node.bind(heard.rows, controller_rows(batches))
     heard.read(codecs["state"].zero())
-    heard.rows.joint_position[0] = start
+    heard.rows.joint_position[0], heard.rows.fresh[0] = start, 1
     with suppress(Tripped):  # the trial will trip in the same way, and report it
         for tick in range(min(TICKS, trial.ticks)):
             heard.rows.tick[0] = tick

@@ -66,11 +66,14 @@ class Nodes:
         command, internals = (self.values(name, self.batches[name].message(row)) for name in CONTROLLER)
         return command, internals
 
-    def state(self, tick: int, q: Array, wrench: Array | None = None, torque: Array | None = None) -> bytes:
+    def state(
+        self, tick: int, q: Array, wrench: Array | None = None, torque: Array | None = None, stamp: float = np.nan,
+        fresh: bool = True,
+    ) -> bytes:  # fmt: skip
         """Return a state message of one's own."""
         still = np.zeros(self.trial.driver.robot.joints)
         values = (q, np.zeros(6) if wrench is None else wrench, still if torque is None else torque)
-        return self.codecs["state"].pack((tick, tick * self.trial.period, *values))
+        return self.codecs["state"].pack((tick, tick * self.trial.period, *values, stamp, fresh))
 
 
 def pass_messages(

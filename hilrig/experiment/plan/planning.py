@@ -91,7 +91,7 @@ def task_spec(experiment: Experiment) -> TaskSpec:
 
     return TaskSpec(
         task.force_axes, diagonal("inertia"), diagonal("damping"), diagonal("stiffness"),
-        task.impedance.states, task.velocity_cutoff, task.impedance.anti_windup,
+        task.impedance.states, task.velocity_cutoff, task.impedance.anti_windup, task.on_stale_sample,
     )  # fmt: skip
 
 

@@ -36,7 +36,7 @@ def numbers(tick: int, *sizes: int) -> list[np.ndarray]:
 
 
 def state(tick: int) -> tuple:
-    return (tick, tick * PERIOD, *numbers(tick, 2, 6, 2))
+    return (tick, tick * PERIOD, *numbers(tick, 2, 6, 2), tick * PERIOD, 1)
 
 
 def internals(tick: int) -> tuple:
@@ -68,9 +68,7 @@ def test_what_was_written_is_read_back(bag: Path) -> None:
     channels = read_bag(str(bag))
     assert set(channels) == {"state", "internals"}
     for tick in range(TICKS):
-        for name, expected in zip(
-            ("tick", "time", "joint_position", "wrench", "applied_torque"), state(tick), strict=True
-        ):
+        for name, expected in zip(STATE.names, state(tick), strict=True):
             np.testing.assert_array_equal(channels["state"][name][tick], expected)
     assert channels["state"]["wrench"].shape == (TICKS, 6)
     assert channels["internals"]["gains"].shape == (TICKS, 3)

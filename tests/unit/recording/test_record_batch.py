@@ -123,7 +123,7 @@ def test_every_channel_has_a_layout_of_one_size(joints: int, axes: int, sizes: l
             total = total + 4 + -(total + 4) % 8 + 8 * length
         return 4 + total
 
-    assert found["state"].size == size(2, joints, 6, joints)
+    assert found["state"].size == size(2, joints, 6, joints) + 16
     assert found["truth"].size == size(2, joints, joints, axes, axes, 6) + 8
     assert found["command"].size == size(2, joints, joints)
     assert found["internals"].size == size(2, *[axes] * 7) + 8 * sum(sizes)
