@@ -7,6 +7,7 @@ HilrigError
 ├── OutOfReach        a position that the robot cannot reach
 ├── Tripped           a safety limit was exceeded                        (the trial's outcome)
 ├── Stopped           a trial was told to end before its last tick       (the trial's outcome)
+├── TimedOut          a stage of the plant's life took too long          (the trial's outcome)
 └── RigError          a process of the rig failed, vanished or did not answer in time             (exit 1)
 """
 
@@ -44,6 +45,10 @@ class Tripped(HilrigError):
 
 class Stopped(HilrigError):
     """The trial was told to end before its last tick."""
+
+
+class TimedOut(HilrigError):
+    """A stage before or after the ticks took longer than it may."""
 
 
 class OutOfReach(HilrigError):

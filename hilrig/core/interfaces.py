@@ -219,7 +219,8 @@ class Plant(Protocol):
     `prepare()` tares the sensors and moves the arm slowly to the start, `approach()` moves until contact is felt,
     `retract()` moves away after the last tick. Each can be left at any period through `hold`.
 
-    A plant may offer `await_sample(timeout_s) -> bool`: wait for the next sample, and return whether it is there.
+    A plant may offer `await_sample(timeout_s)`: wait for a sample newer than the last measured one; return when it
+    arrived, in s of `time.monotonic`, or None if it has not. The samples then begin the ticks of a real-time trial.
     """
 
     def measure(self, disturbance: PlantDisturbance) -> Measurement:

@@ -194,6 +194,11 @@ class PlantDisturbance(NamedTuple):
     joint_friction_scale: float
 
 
+def still(axes: int) -> PlantDisturbance:
+    """Return a disturbance without effect, for m = `axes`."""
+    return PlantDisturbance(np.zeros(axes), 0.0, 0.0, 1.0, 1.0, 1.0)
+
+
 @jitable
 def plant_disturbance(schedule: DisturbanceSchedule, tick: int) -> PlantDisturbance:
     """Return the plant's disturbance during the period that begins at `tick`."""

@@ -15,6 +15,10 @@ class RigSettings:
     None of it is applied in lockstep, which has no deadlines. Reasons and figures: docs/realtime.md.
     """
 
+    pace: Annotated[
+        Literal["samples", "timer"],
+        Parameter("", "what begins a tick: the plant's samples, if the driver offers to wait for them, or a timer"),
+    ] = "samples"
     spin: Annotated[float, Parameter("s", "last part of each wait for a tick, spent busy-waiting", 0.0, 0.01)] = 100e-6
     scheduler: Annotated[
         Literal["fifo", "batch", "other"], Parameter("", "scheduling policy of driver and controller")

@@ -6,33 +6,62 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hilrig.core.errors import Tripped
-from hilrig.core.interfaces import Plant
-from hilrig.core.signals import Command, plant_disturbance
+from hilrig.core.errors import PluginError, RigError, Tripped, raised
+from hilrig.core.interfaces import Plant, Progress
+from hilrig.core.signals import Array, Command, PlantDisturbance, plant_disturbance
 from hilrig.experiment.trial import Trial, trial_start
 from hilrig.loop.measure import DriverArrays, driver_arrays, driver_ticks
 from hilrig.loop.plain_parts import plant_kernels, take, take_measurement
 from hilrig.loop.rows import DriverRows
 from hilrig.loop.safety import why_unsafe
 
+BEFORE_TICKS = -1
+"""Stands for a tick before the first one"""
+
 
 class DriverNode:
-    """Owns the plant from construction until `close`."""
+    """Owns the plant from `connect` until `release`."""
 
     def __init__(self, trial: Trial) -> None:
         self.trial = trial
         self.arrays: DriverArrays = driver_arrays(trial)
-        self.plant: Plant = trial.driver.connect(trial_start(trial))
+        self.simulated = trial.driver.capabilities.simulated
         self.truthful = False
         """Whether the plant knows its true state; valid from the first measurement on"""
+        self.busy = False
+        """Whether the plant's code is running: no other thread may call it then"""
+        self._plant: Plant | None = None
         self._parts: Iterator[bool] | None = None
         self._acting: Command | None = None
-        self._begun = self._closed = False
-        try:
-            self.kernels = plant_kernels(self.plant, self._name)
-        except BaseException:
-            self.close()
-            raise
+        self._rows: DriverRows | None = None
+        self._begun = False
+
+    def connect(self) -> None:
+        """Connect to the plant. Nothing moves."""
+        self.adopt(self.trial.driver.connect(trial_start(self.trial)))
+
+    def adopt(self, plant: Plant) -> None:
+        """Take a plant that is connected. Raises PluginError if it lacks what it needs."""
+        self._plant = plant
+        if not self.simulated and not callable(getattr(plant, "hold", None)):
+            raise PluginError(f"driver {self._name}: its plant is not simulated, so it must offer `hold`")
+        self.kernels = plant_kernels(plant, self._name)
+
+    @property
+    def plant(self) -> Plant:
+        """The plant; `connect` comes first."""
+        assert self._plant is not None, "connect() comes first"
+        return self._plant
+
+    @property
+    def connected(self) -> bool:
+        """Whether the node has a plant."""
+        return self._plant is not None
+
+    @property
+    def staged(self) -> bool:
+        """Whether the plant does something before or after the ticks."""
+        return any(hasattr(self.plant, stage) for stage in ("prepare", "approach", "retract"))
 
     @property
     def compiled(self) -> bool:
@@ -41,35 +70,109 @@ class DriverNode:
 
     def bind(self, rows: DriverRows, acting: Command) -> None:
         """Set where the ticks are recorded, and the acting command: arrays (n,) that others fill."""
-        self._acting = acting
-        self._parts = driver_ticks(self.kernels, self.trial.ticks, self.arrays, rows, acting)
+        self._rows, self._acting = rows, acting
 
     def first(self) -> Command:
         """Measure for the first time, just before the first tick; return the command that holds the plant."""
         now = plant_disturbance(self.arrays.schedule, 0)
-        first = self.arrays.observation
-        take_measurement(first, self.plant.measure(now), f"driver {self._name}: measure")
-        self.arrays.last_position[:] = first.measurement.joint_position
+        self._look(now)
         self.truthful = self.plant.truth(now) is not None
         self._begun = True
         hold = Command(*(np.zeros(self.trial.driver.robot.joints) for _ in Command._fields))
         take(hold, self.plant.holding_command(), Command, f"driver {self._name}: holding_command")
         return hold
 
-    def measure(self, tick: int) -> None:
-        """Measure at `tick` into row `tick` modulo the number of rows. Raises Tripped beyond a safety limit."""
-        assert self._parts is not None, "bind() comes first"
-        if not self._begun:
+    def _look(self, now: PlantDisturbance) -> None:
+        seen = self.arrays.observation
+        take_measurement(seen, self.plant.measure(now), f"driver {self._name}: measure")
+        self.arrays.last_position[:] = seen.measurement.joint_position
+
+    @property
+    def joint_position(self) -> Array:
+        """The joint positions that were measured last, without sensor errors, (n,) rad"""
+        return self.arrays.observation.measurement.joint_position
+
+    @property
+    def fresh(self) -> bool:
+        """Whether the last sample was new"""
+        return bool(self.arrays.observation.sample[1])
+
+    def measure(self, tick: int, left_out: int = 0) -> None:
+        """Measure at `tick` into the next row, after `left_out` ticks that were not done. Raises Tripped."""
+        if self._parts is None:
+            assert self._rows is not None, "bind() comes first"
             assert self._acting is not None
+            self._parts = driver_ticks(self.kernels, self.arrays, self._rows, self._acting)
             for room, value in zip(self._acting, self.first(), strict=True):
                 room[:] = value
-        if not next(self._parts):
+        clock = self.arrays.clock
+        clock[0] = tick
+        # A robot has gone on by itself.
+        clock[1] = left_out if self.simulated else 0
+        self.busy = True
+        safe = next(self._parts)
+        self.busy = False
+        if not safe:
             raise Tripped(self.why_unsafe(tick))
 
     def advance(self) -> None:
         """Run the period that begins at the measured tick under the acting command."""
-        assert self._parts is not None, "bind() comes first"
+        assert self._parts is not None, "measure() comes first"
+        self.busy = True
         next(self._parts)
+        self.busy = False
+
+    def steps(self, stage: str) -> Iterator[Progress] | None:
+        """Return the plant's steps of "prepare", "approach" or "retract"; None if it does not offer them."""
+        offered = getattr(self.plant, stage, None)
+        return None if offered is None else iter(offered())
+
+    def step(self, stage: str, steps: Iterator[Progress], quiet: PlantDisturbance) -> Progress | None:
+        """Measure, and do one period of a stage; return its progress, None if the stage is done.
+
+        Raises Tripped beyond a safety limit, PluginError if the plant yields something else.
+        """
+        last = self.arrays.last_position.copy() if self._begun else None
+        self._look(quiet)
+        self._begun = True
+        seen = self.arrays.observation.measurement
+        why = why_unsafe(
+            BEFORE_TICKS, seen, seen.joint_position if last is None else last, self.trial.period, self.trial.limits
+        )
+        if why:
+            raise Tripped(f"{stage}: {why}")
+        progress = next(steps, None)
+        if progress is None:
+            return None
+        if not isinstance(progress, Progress):
+            raise PluginError(f"driver {self._name}: {stage} yielded a {type(progress).__name__}, not a Progress")
+        if progress.command is not None:
+            self._apply(stage, progress.command, quiet)
+        return progress
+
+    def _apply(self, stage: str, command: Command, quiet: PlantDisturbance) -> None:
+        """Apply a command of a stage."""
+        wanted = Command(*(np.zeros(self.trial.driver.robot.joints) for _ in Command._fields))
+        take(wanted, command, Command, f"driver {self._name}: {stage}")
+        if not all(np.isfinite(part).all() for part in wanted):
+            raise Tripped(f"{stage}: the command of driver {self._name} is not finite: {wanted}")
+        self.plant.advance(wanted, quiet)
+
+    def require_start(self, quiet: PlantDisturbance) -> None:
+        """Measure, and raise RigError unless the arm is where the trial starts."""
+        if self.simulated:  # it was put there
+            return
+        self._look(quiet)
+        now, start = self.joint_position, trial_start(self.trial).joint_position
+        tolerance = self.trial.limits.start_tolerance
+        off = np.abs(now - start)
+        if off.max() > tolerance:
+            joint = int(off.argmax())
+            raise RigError(
+                f"the arm is not where the trial starts: joint {joint + 1} is at {now[joint]:.4g} rad, and the trial "
+                f"starts at {start[joint]:.4g} rad (tolerance {tolerance:g} rad, safety.start_tolerance); move the arm "
+                f"there, or set task.start to where it is"
+            )
 
     def why_unsafe(self, tick: int) -> str:
         """Return why the measurement of `tick`, the last one, ends the trial."""
@@ -80,8 +183,26 @@ class DriverNode:
     def _name(self) -> str:
         return type(self.trial.driver).__name__
 
-    def close(self) -> None:
-        """Release the plant, once."""
-        if not self._closed:
-            self._closed = True
-            self.plant.close()
+    def hold(self) -> None:
+        """Stop the plant where it is, if it can be stopped: a simulation stands still when nothing advances it."""
+        hold = getattr(self._plant, "hold", None)
+        if hold is not None:
+            hold()
+
+    def release(self) -> None:
+        """Hold the plant, then close it, once. Raises RigError if it could not be held or closed."""
+        plant, self._plant = self._plant, None
+        if plant is None:
+            return
+        problems: list[str] = []
+        for name in ("hold", "close"):
+            try:
+                getattr(plant, name, _nothing)()
+            except Exception as error:
+                problems.append(f"{name} raised {raised(error)}")
+        if problems:
+            raise RigError(f"driver {self._name}: {'; '.join(problems)}: look at the arm")
+
+
+def _nothing() -> None:
+    pass

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hilrig.core.compiler import assembled, kernel_without_arrays
 from hilrig.core.kernel_interfaces import Observation, PlantKernels
@@ -37,6 +38,8 @@ class DriverArrays(NamedTuple):
     """rad/s"""
     period: float
     """s"""
+    clock: NDArray[np.int64]
+    """The tick that comes next, and the number of ticks left out before it, (2,)"""
     last_position: Array
     """The plant's joint positions at the previous tick, without sensor errors, (n,) rad"""
     observation: Observation
@@ -110,18 +113,24 @@ def note_truth(row: int, surface: float, exact: Truth, rows: DriverRows) -> None
 
 
 def driver_template(
-    last: int, plant: Any, state: Array, arrays: DriverArrays, rows: DriverRows, acting: Command
+    plant: Any, state: Array, arrays: DriverArrays, rows: DriverRows, acting: Command
 ) -> Iterator[bool]:
-    """Do the ticks from 0 to `last` - 1, each in two parts: measure, then advance under `acting`.
+    """Do one tick after the other, each in two parts: measure at the tick of `clock`, then advance under `acting`.
 
-    Yields after each part whether it is safe to continue. Tick k is in row k modulo the number of rows.
+    Yields after each part whether it is safe to continue. Each tick is in the next row; after the last row comes the
+    first again. A simulated plant goes on under the command that was in effect while ticks were left out.
     """
-    count = rows.state.tick.size
-    for tick in range(last):
-        rows.written[0] = tick % count
+    row, count = 0, rows.state.tick.size
+    while True:
+        tick = arrays.clock[0]
+        for left_out in range(tick - arrays.clock[1], tick):
+            now = plant_disturbance(arrays.schedule, left_out)
+            plant_advance(plant, state, now, acting.torque, acting.position)
+        rows.written[0] = row
         yield measure(tick, plant, state, arrays, rows)
         plant_advance(plant, state, plant_disturbance(arrays.schedule, tick), acting.torque, acting.position)
         yield True
+        row = (row + 1) % count
 
 
 def measuring(kernels: PlantKernels) -> Callable[..., bool]:
@@ -129,15 +138,13 @@ def measuring(kernels: PlantKernels) -> Callable[..., bool]:
     return assembled(measure_template, makes_arrays=False, plant_observe=kernels.observe)
 
 
-def driver_ticks(
-    kernels: PlantKernels, last: int, arrays: DriverArrays, rows: DriverRows, acting: Command
-) -> Iterator[bool]:
+def driver_ticks(kernels: PlantKernels, arrays: DriverArrays, rows: DriverRows, acting: Command) -> Iterator[bool]:
     """Return the generator of `driver_template`: one call of `next` for each part of a tick.
 
     A generator keeps its arguments; passing this many arrays at every call would cost several times the work itself.
     """
     ticks = assembled(driver_template, measure=measuring(kernels), plant_advance=kernels.advance)
-    return ticks(last, kernels.constants, kernels.state, arrays, rows, acting)
+    return ticks(kernels.constants, kernels.state, arrays, rows, acting)
 
 
 def driver_arrays(trial: Trial) -> DriverArrays:
@@ -152,6 +159,7 @@ def driver_arrays(trial: Trial) -> DriverArrays:
         limits.tip_force,
         limits.joint_velocity,
         trial.period,
+        np.zeros(2, np.int64),
         np.zeros(n),
         observation,
         past,

@@ -11,8 +11,12 @@ from hilrig.loop.driver_node import DriverNode
 class Wire(Protocol):
     """How the driver node reaches the controller node: over the bus, or by a call."""
 
-    def wait(self, tick: int) -> None:
-        """Wait until the tick may begin. Raises Stopped if the trial is to end."""
+    def wait(self, tick: int) -> int:
+        """Wait until the tick may begin, and return it. Raises Stopped if the trial is to end.
+
+        In real time a later tick is returned if this one is overdue by more than a period: old ticks are left out, not
+        made up for. Raises Tripped after a standstill.
+        """
         ...
 
     def publish(self, tick: int) -> None:
@@ -23,6 +27,7 @@ class Wire(Protocol):
         """Put the command of tick `wanted` into effect for the period that begins at `tick`.
 
         In real time, take the newest command that is not newer than that; if there is none, the previous one stays.
+        Raises Tripped if the command in effect is older than the watchdog permits.
         """
         ...
 
@@ -31,13 +36,14 @@ class Ending(NamedTuple):
     """How a trial ended, from the driver's side."""
 
     outcome: str
-    """completed, tripped or aborted"""
+    """completed, tripped, timed_out or aborted"""
     reason: str
     ticks: int
+    """Ticks that have passed, those left out included"""
 
 
 def do_ticks(node: DriverNode, wire: Wire) -> Ending:
-    """Do all ticks of the node's trial, release the plant, and return how it ended.
+    """Do all ticks of the node's trial and return how they ended. The plant is left to the caller.
 
     During the period that begins at tick k the command of tick k - delay acts on the plant; before there is one, the
     command that holds it. In lockstep the measurement is sent first, because its own command may be the one to wait
@@ -47,8 +53,12 @@ def do_ticks(node: DriverNode, wire: Wire) -> Ending:
     tick, delay, realtime = 0, trial.actuation_delay, trial.clock == "realtime"
     try:
         while tick < trial.ticks:
-            wire.wait(tick)
-            node.measure(tick)
+            due = wire.wait(tick)
+            if due >= trial.ticks:
+                tick = trial.ticks
+                break
+            node.measure(due, due - tick)
+            tick = due
             if not realtime:
                 wire.publish(tick)
             wire.take_command(tick, tick - delay)
@@ -60,6 +70,4 @@ def do_ticks(node: DriverNode, wire: Wire) -> Ending:
         return Ending("tripped", str(trip), tick)
     except Stopped as stop:
         return Ending("aborted", str(stop), tick)
-    finally:
-        node.close()
     return Ending("completed", "", tick)

@@ -49,6 +49,11 @@ class Account:
         }  # fmt: skip
 
 
+def added(one: Mapping[str, int], other: Mapping[str, int]) -> dict[str, int]:
+    """Return the sums of two counts."""
+    return {key: one.get(key, 0) + other.get(key, 0) for key in sorted({*one, *other})}
+
+
 class Recorder:
     """Writes bag.mcap in a trial's directory."""
 
@@ -60,6 +65,8 @@ class Recorder:
         self._pending: dict[str, list[NDArray[np.uint8]]] = {}
         self._size = 0
         self._timing: dict[str, list[NDArray[np.uint8]]] = {name: [] for name in TIMING}
+        self.refused: dict[str, dict[str, int]] = {}
+        """Messages that driver and controller refused: channel -> reason -> number"""
         for name, definition in definitions.items():
             self._bag.add_channel(name, definition)
 
@@ -86,6 +93,11 @@ class Recorder:
     def sent(self, name: str, count: int) -> None:
         """Note how many messages the sender has sent."""
         self._accounts[name].sent = count
+
+    def note_refused(self, refused: Mapping[str, Mapping[str, int]]) -> None:
+        """Add messages that a sender received and refused, channel -> reason -> number."""
+        for channel, reasons in refused.items():
+            self.refused[channel] = added(self.refused.get(channel, {}), reasons)
 
     def timing(self) -> dict[str, dict[str, NDArray[Any]]]:
         """Return all time stamps: channel -> field -> array (N,)."""

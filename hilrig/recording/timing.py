@@ -32,13 +32,15 @@ def certify(
     channels: Mapping[str, StampColumns],
     setup: Setup | None = None,
     one_clock: bool = True,
+    refused: Mapping[str, Mapping[str, int]] | None = None,
 ) -> dict[str, Any]:
     """Return the certificate of a trial as plain data, from "driver_timing" and "controller_timing".
 
     A channel may be missing or empty. late_by: late ticks by cause. <duration>_us: p50, p99, p99.9 and max in
     microseconds; null if it is not known. histograms: [lower edge in ns, count] of every bin that is not empty
     (`certificate/histogram.py`). budget: the limits that applied. valid: whether a trial in real time kept its budget,
-    with invalid_because; null in lockstep, which has no budget.
+    with invalid_because; null in lockstep, which has no budget. refused: messages that were not of this trial, not of
+    its form, or out of order, by channel and reason; none of them had an effect.
     """
     table = join(channels.get("driver_timing"), channels.get("controller_timing"), one_clock)
     found = attribute(table, terms)
@@ -61,4 +63,5 @@ def certify(
         "valid": not reasons if terms.realtime else None,
         "invalid_because": reasons,
         "one_clock": one_clock,
+        "refused": {channel: dict(reasons) for channel, reasons in (refused or {}).items() if any(reasons.values())},
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from queue import Empty, SimpleQueue
@@ -35,7 +36,10 @@ class BackgroundSender:
 
     def _run(self) -> None:
         while (packet := self._queue.get()) is not None:
-            self._put(packet)
+            try:
+                self._put(packet)
+            except Exception:  # the bus is cut: what cannot be sent is lost, and will be counted as such
+                traceback.print_exc()
             if self._queue.empty():
                 self._idle.set()
 

@@ -9,15 +9,20 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterable
+from threading import Lock
 from types import TracebackType
 from typing import Any
 
 import zenoh
 
 from hilrig.core.errors import RigError
+from hilrig.rig.frames import MALFORMED, NO_EPOCH, NumberScreen, lead, numbered
 
 DEPTH = 4096
 """Messages that an inbox holds; one more blocks its sender (lockstep) or is lost (real time)"""
+
+PASSED_OVER = 256
+"""Messages to be passed over that one poll looks at: the loop must not wait for a flood of them"""
 
 TOKENS_TIMEOUT_S = 1.0
 """How long to wait for the others' liveliness tokens"""
@@ -48,7 +53,7 @@ def configuration(listen: Iterable[str], connect: Iterable[str], low_latency: bo
 
 
 class Inbox:
-    """Receives the messages of one key, in order of arrival."""
+    """Receives whatever is sent on one key, in order of arrival."""
 
     def __init__(self, subscriber: Any) -> None:
         self._subscriber = subscriber
@@ -63,40 +68,115 @@ class Inbox:
         return None if sample is None else sample.payload.to_bytes()
 
 
-class Outbox:
-    """Sends on one key."""
+class NumberedInbox:
+    """Receives the numbered messages of one key, without their frames. Others are counted and passed over."""
 
-    def __init__(self, publisher: Any) -> None:
+    def __init__(self, inbox: Inbox, screen: NumberScreen) -> None:
+        self._inbox, self._screen = inbox, screen
+
+    @property
+    def refused(self) -> dict[str, int]:
+        """Number of messages passed over, by reason"""
+        return dict(self._screen.refused)
+
+    def refuse(self) -> None:
+        """Count the last message as malformed: its body cannot be read."""
+        self._screen.refused[MALFORMED] += 1
+
+    def take(self) -> bytes:
+        """Wait for the next message and return it. Ends when the bus is closed, or by a signal that raises."""
+        while True:
+            body = self._screen.body(self._inbox.take())
+            if body is not None:
+                return body
+
+    def poll(self) -> bytes | None:
+        """Return the next message; None if there is none yet, or none among the next `PASSED_OVER`."""
+        for _ in range(PASSED_OVER):
+            message = self._inbox.poll()
+            if message is None:
+                return None
+            body = self._screen.body(message)
+            if body is not None:
+                return body
+        return None
+
+
+class Outbox:
+    """Sends messages that are framed already on one key."""
+
+    def __init__(self, publisher: Any, lead: bytes) -> None:
         self.put: Callable[[bytes], None] = publisher.put
         """Send one message"""
+        self.lead = lead
+        """The first bytes of every message"""
 
     def end(self) -> None:
-        """Send an empty message, which marks the end of the channel."""
-        self.put(b"")
+        """Send the lead alone, which marks the end of the channel."""
+        self.put(self.lead)
+
+
+class NumberedOutbox:
+    """Frames and numbers messages, and sends them on one key. Several threads may send."""
+
+    def __init__(self, publisher: Any, lead: bytes) -> None:
+        self._publisher, self._lead = publisher, lead
+        self._number, self._lock = 0, Lock()
+
+    def put(self, message: bytes) -> None:
+        """Send one message."""
+        with self._lock:
+            self._number += 1
+            self._publisher.put(numbered(self._lead, self._number, message))
 
 
 class Bus:
-    """One participant on the bus of one trial."""
+    """One participant on the bus of one trial, which has its own `epoch`."""
 
     def __init__(
-        self, trial: str, role: str, listen: Iterable[str], connect: Iterable[str], low_latency: bool = True
-    ) -> None:
-        self._root, self._role = f"hilrig/{trial}", role
+        self, trial: str, role: str, listen: Iterable[str], connect: Iterable[str], low_latency: bool = True,
+        epoch: bytes = NO_EPOCH,
+    ) -> None:  # fmt: skip
+        self._root, self._role, self._epoch = f"hilrig/{trial}", role, epoch
+        self._numbered: dict[str, NumberedOutbox] = {}
         try:
             self._session = zenoh.open(configuration(listen, connect, low_latency))
         except zenoh.ZError as error:
             raise RigError(f"{role}: cannot join the bus ({error})") from error
         self._token: Any = None
 
-    def outbox(self, channel: str, *, blocking: bool) -> Outbox:
-        """Return a sender. A blocking one waits for slow receivers; the other drops what they do not take in time."""
-        control = zenoh.CongestionControl.BLOCK if blocking else zenoh.CongestionControl.DROP
-        key = f"{self._root}/{channel}"
-        return Outbox(self._session.declare_publisher(key, express=True, congestion_control=control))
+    def lead(self, channel: str, sender: str) -> bytes:
+        """Return the first bytes of every message on a channel from a sender."""
+        return lead(self._epoch, channel, sender)
 
-    def inbox(self, channel: str, *, latest_only: bool = False) -> Inbox:
-        """Return a receiver of every message in order, or of the latest one only."""
-        handler = zenoh.handlers.RingChannel(1) if latest_only else zenoh.handlers.FifoChannel(DEPTH)
+    def outbox(self, channel: str, *, blocking: bool) -> NumberedOutbox:
+        """Return this participant's sender on a channel, the same for every call.
+
+        A blocking one waits for slow receivers; the other drops what they do not take in time.
+        """
+        if channel not in self._numbered:
+            publisher = self._publisher(channel, blocking)
+            self._numbered[channel] = NumberedOutbox(publisher, self.lead(channel, self._role))
+        return self._numbered[channel]
+
+    def inbox(self, channel: str, senders: Iterable[str], *, complete: bool = True) -> NumberedInbox:
+        """Return a receiver of the messages of these senders. `complete`: none may be missing."""
+        screen = NumberScreen((self.lead(channel, sender) for sender in senders), complete)
+        return NumberedInbox(self._subscribed(channel, zenoh.handlers.FifoChannel(DEPTH)), screen)
+
+    def tick_outbox(self, channel: str, *, blocking: bool) -> Outbox:
+        """Return a sender of messages with one tick each, which bring their frame along."""
+        return Outbox(self._publisher(channel, blocking), self.lead(channel, self._role))
+
+    def tick_inbox(self, channel: str) -> Inbox:
+        """Return a receiver of whatever is sent on a channel with one message per tick; a `TickScreen` judges it."""
+        return self._subscribed(channel, zenoh.handlers.FifoChannel(DEPTH))
+
+    def _publisher(self, channel: str, blocking: bool) -> Any:
+        control = zenoh.CongestionControl.BLOCK if blocking else zenoh.CongestionControl.DROP
+        return self._session.declare_publisher(f"{self._root}/{channel}", express=True, congestion_control=control)
+
+    def _subscribed(self, channel: str, handler: Any) -> Inbox:
         return Inbox(self._session.declare_subscriber(f"{self._root}/{channel}", handler))
 
     def announce(self) -> None:

@@ -11,9 +11,10 @@ import sys
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from hilrig.core.errors import RigError, Stopped, describe_error
 from hilrig.experiment.rig_settings import RigSettings
@@ -26,6 +27,11 @@ from hilrig.rig.setup import Report, as_wanted, prepare, refusals, settle
 
 PR_SET_PDEATHSIG = 1
 REHEARSALS = 3
+HALTED = "halted by hilrig halt"
+REASONS = {
+    signal.SIGTERM: "terminated", signal.SIGHUP: "the supervisor is gone", signal.SIGUSR1: HALTED,
+}  # fmt: skip
+T = TypeVar("T")
 PAUSE_S = 0.03
 """After a rehearsal: once per session, the first message after a 20 ms pause costs zenoh 5 ms of processor time"""
 
@@ -39,6 +45,8 @@ class Orders:
     """The run directory"""
     trial: str
     """The trial's id"""
+    epoch: str
+    """The epoch of the trial's messages, in hexadecimal"""
     sockets: str
     """Directory of the bus's sockets"""
     listen: tuple[str, ...]
@@ -62,15 +70,16 @@ class Orders:
 class Child:
     """A process of a trial, from the inside: its orders, its trial, and its connection to the bus."""
 
-    def __init__(self, orders: Orders) -> None:
-        self.orders = orders
+    def __init__(self, orders: Orders, signals: Signals) -> None:
+        self.orders, self.signals = orders, signals
         self.role = orders.role
         self.run = Path(orders.run)
         self.settings = RigSettings(**orders.settings)
         self.setup: Report = {}
         """The settings that were applied in this process, and why others were not"""
         self._bus: Bus | None = None
-        self._sender: BackgroundSender | None = None
+        self._senders: list[BackgroundSender] = []
+        self._record_sender: BackgroundSender | None = None
         self.resume_monitor = ResumeMonitor()
 
     def read_trial(self) -> Trial:
@@ -89,33 +98,48 @@ class Child:
             self.resume_monitor.listen()
             low_latency = self.settings.low_latency_link or not self.orders.realtime
             self.setup["low_latency_link"] = as_wanted("on" if low_latency else "off")
-            self._bus = Bus(self.orders.trial, self.role, self.orders.listen, self.orders.connect, low_latency)
-            self._status = self._bus.outbox("status", blocking=True)
-            self._orders = self._bus.inbox("order")
+            self._bus = Bus(
+                self.orders.trial, self.role, self.orders.listen, self.orders.connect, low_latency,
+                bytes.fromhex(self.orders.epoch),
+            )  # fmt: skip
+            self._put_status = self._unblocked(self._bus.outbox("status", blocking=True).put)
+            self._orders = self._bus.inbox("order", ["supervisor"])
         return self._bus
 
     def record(self) -> Callable[[bytes], None]:
         """Return a function that sends a packet to the logger; in real time it never waits."""
-        put = self.bus.outbox("record", blocking=True).put
+        put = self._unblocked(self.bus.outbox("record", blocking=True).put)
+        self._record_sender = self._senders[-1] if self.orders.realtime else None
+        return put
+
+    def _unblocked(self, put: Callable[[bytes], None]) -> Callable[[bytes], None]:
+        """Return a function that does the same without waiting, in real time."""
         if not self.orders.realtime:
             return put
-        self._sender = BackgroundSender(put)
-        return self._sender.send
+        self._senders.append(BackgroundSender(put))
+        return self._senders[-1].send
 
     def finish_record(self) -> None:
-        """Wait until all packets have been sent."""
-        if self._sender is not None:
-            self._sender.finish()
+        """Wait until all packets have been sent, but not for ever."""
+        if self._record_sender is not None:
+            self._record_sender.finish()
+
+    @property
+    def refused_orders(self) -> dict[str, int]:
+        """Number of messages on the channel of the orders that were refused, by reason"""
+        return self._orders.refused
 
     def leave(self) -> None:
         """Leave the bus, if connected."""
+        for sender in self._senders:
+            sender.finish()
         if self._bus is not None:
             self._bus.close()
 
     def tell(self, event: str, **details: Any) -> None:
         """Report an event to the supervisor."""
         assert self.bus is not None
-        self._status.put(json.dumps({"role": self.role, "event": event, **details}).encode())
+        self._put_status(json.dumps({"role": self.role, "event": event, **details}).encode())
 
     def ready(
         self, peers: tuple[str, ...], rehearse: Callable[[], None] | None = None, **details: Any
@@ -136,56 +160,90 @@ class Child:
             print(line, flush=True)
         self.tell("ready", setup=self.setup, **details)
         while True:
-            order = json.loads(self._orders.take())
-            if order["order"] == "go":
+            order = self._read_order(self._orders.take())
+            if order.get("order") == "go":
                 return order
-            raise Stopped("stopped before the first tick")
+            if order:
+                raise Stopped("stopped before the first tick")
 
     def _rehearse(self, rehearse: Callable[[], None]) -> None:
         put = self.bus.outbox("record", blocking=True).put
         for _ in range(REHEARSALS):
             rehearse()
             put(b"")
-            if self._sender is not None:
-                self._sender.flush()
+            if self._record_sender is not None:
+                self._record_sender.flush()
             time.sleep(PAUSE_S)
 
     def told_to_stop(self) -> bool:
         """Return whether the supervisor has ordered the trial to end."""
         payload = self._orders.poll()
-        return payload is not None and json.loads(payload)["order"] == "stop"
+        return payload is not None and self._read_order(payload).get("order") == "stop"
+
+    def _read_order(self, payload: bytes) -> dict[str, Any]:
+        """Return an order; empty, and counted as refused, if it cannot be read."""
+        try:
+            order = json.loads(payload)
+            if isinstance(order, dict) and "order" in order:
+                return order
+        except ValueError:
+            pass
+        self._orders.refuse()
+        return {}
 
 
 class Signals:
-    """The signals that end a child: SIGTERM from the supervisor, SIGHUP from the kernel when the supervisor is gone.
+    """The signals that end a child: SIGTERM from the supervisor, SIGHUP from the kernel when the supervisor is gone,
+    SIGUSR1 from `hilrig halt`.
 
     The kernel sends SIGHUP when the thread that started the child ends, and again for each thread that inherits the
     child. So it arrives several times, and before `getppid` shows that the parent is gone. Only the first signal
-    raises.
+    raises, and none does while `raising` is off: nothing may interrupt a plant's code.
     """
 
     def __init__(self) -> None:
+        self.raising = True
+        """Whether the first signal raises Stopped wherever the main thread is; otherwise it is only noted"""
+        self.told = ""
+        """Why the child must end; empty if it must not"""
         self.orphaned = False
-        self._told = False
+        self._raised = False
 
     def listen(self, parent: int) -> None:
-        """Handle signals from now on: the first one raises Stopped wherever the main thread is then."""
+        """Handle signals from now on."""
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, self._stop)
-        signal.signal(signal.SIGHUP, self._stop)
+        for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1):
+            signal.signal(number, self._stop)
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGHUP)
         if os.getppid() != parent:
             self._stop(signal.SIGHUP, None)
 
     def _stop(self, number: int, _frame: Any) -> None:
         self.orphaned |= number == signal.SIGHUP
-        if not self._told:
-            self._told = True
-            raise Stopped("the supervisor is gone" if self.orphaned else "terminated")
+        self.told = self.told or REASONS[signal.Signals(number)]
+        if self.raising:
+            self.check()
+
+    def check(self) -> None:
+        """Raise Stopped if a signal has come, once."""
+        if self.told and not self._raised:
+            self._raised = True
+            raise Stopped(self.told)
+
+    def interruptible(self, wait: Callable[[], T]) -> T:
+        """Return what `wait` returns; a signal ends it, also where `raising` is off. Raises Stopped."""
+        if self.raising:
+            return wait()
+        self.raising = True
+        try:
+            self.check()
+            return wait()
+        finally:
+            self.raising = False
 
     def enough(self) -> None:
         """Ignore further signals, because the child is about to end."""
-        self._told = True
+        self._raised = True
 
 
 def main(work: Callable[[Child], None]) -> None:
@@ -199,7 +257,7 @@ def main(work: Callable[[Child], None]) -> None:
     child: Child | None = None
     try:
         signals.listen(orders.parent)
-        child = Child(orders)
+        child = Child(orders, signals)
         work(child)
     except Stopped as stop:
         print(f"stopped: {stop}", flush=True)
@@ -207,11 +265,13 @@ def main(work: Callable[[Child], None]) -> None:
         traceback.print_exc()
         code = 1
         if child is not None:
-            child.tell("failed", reason=describe_error(error))
+            with suppress(Exception):  # the bus may be what failed
+                child.tell("failed", reason=describe_error(error))
     finally:
         signals.enough()
         if child is not None:
-            child.leave()
+            with suppress(Exception):
+                child.leave()
         if signals.orphaned:
             shutil.rmtree(orders.sockets, ignore_errors=True)
     sys.exit(code)

@@ -8,11 +8,13 @@ from hilrig.core.errors import Tripped
 from hilrig.loop.controller_node import ControllerNode
 from hilrig.recording.messages.layouts import layouts
 from hilrig.recording.run_directory import trial_directory
-from hilrig.rig.bus import Inbox, Outbox
+from hilrig.rig.bus import Outbox
 from hilrig.rig.channels import CONTROLLER_CHANNELS, RecordSender
 from hilrig.rig.child import Child, main
 from hilrig.rig.faults import Injector
+from hilrig.rig.frames import TickScreen, tick_of
 from hilrig.rig.rows import HeardState, controller_rows
+from hilrig.rig.state_receiver import StateReceiver
 from hilrig.rig.warm_up import warm_up_controller
 
 
@@ -22,22 +24,25 @@ def work(child: Child) -> None:
     memory = warm_up_controller(trial)
     codecs = layouts(trial.driver.robot.joints, len(trial.axes), memory)
     realtime = trial.clock == "realtime"
-    states = child.bus.inbox("state", latest_only=realtime)
-    commands = child.bus.outbox("command", blocking=not realtime)
+    lead = child.bus.lead("state", "driver")
+    screen = TickScreen(lead, codecs["state"].size)
+    inbox = child.bus.tick_inbox("state")
+    commands = child.bus.tick_outbox("command", blocking=not realtime)
     injector = Injector.of(trial, "controller")
     if injector is not None:
         commands = injector.outbox(commands)
-    record = RecordSender(child.record(), codecs, CONTROLLER_CHANNELS)
-    node, heard = ControllerNode(trial), HeardState(codecs)
+    record = RecordSender(child.record(), codecs, CONTROLLER_CHANNELS, {"command": commands.lead})
+    node, heard = ControllerNode(trial), HeardState(codecs, lead)
     node.bind(heard.rows, controller_rows(record.batches))
     child.ready(("driver", "logger"), record.rehearse, memory=memory)
+    states = StateReceiver(inbox, screen, trial.ticks, trial.period, realtime)
     try:
         answer_all(child, node, heard, record, states, commands, injector)
     except Tripped as trip:
         child.tell("tripped", reason=str(trip))
     finally:
         commands.end()
-        record.end()
+        record.end({"state": dict(screen.refused), "order": child.refused_orders})
         child.finish_record()
         if injector is not None:
             injector.end(trial_directory(child.run, trial.id))
@@ -45,11 +50,11 @@ def work(child: Child) -> None:
 
 
 def answer_all(
-    child: Child, node: ControllerNode, heard: HeardState, record: RecordSender, states: Inbox, commands: Outbox,
-    injector: Injector | None,
+    child: Child, node: ControllerNode, heard: HeardState, record: RecordSender, states: StateReceiver,
+    commands: Outbox, injector: Injector | None,
 ) -> None:  # fmt: skip
     """Answer until the last measurement. Raises Tripped."""
-    now, put, message = time.monotonic_ns, commands.put, record.batches["command"].message
+    now, put, framed = time.monotonic_ns, commands.put, record.batches["command"].framed
     note, last = record.stamps.append, record.rows - 1
     certified, resumed, period = child.settings.certificate, child.resume_monitor, node.trial.period
     while True:
@@ -58,14 +63,20 @@ def answer_all(
         if not state:
             return
         received = now()
-        tick = int.from_bytes(state[4:12], "little")
-        if injector is not None:
-            injector.stall(tick)
-            injector.compute(tick)
-        heard.read(state)
-        row = node.answer()
+        tick = tick_of(state)
+        try:
+            if injector is not None:
+                injector.stall(tick)
+                injector.compute(tick)
+            heard.read(state)
+            row = node.answer()
+        except BaseException:
+            # So that the certificate shows who the loop waited for, even if a signal ended a law that hung.
+            if certified:
+                note((tick, tick * period, waiting, received, now(), now(), resumed.last))
+            raise
         computed = now()
-        command = message(row)
+        command = framed(row)
         published = now()
         put(command)
         if certified:

@@ -5,24 +5,27 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Mapping
+from typing import Any
 
-from hilrig.core.errors import Stopped
+import numpy as np
+
+from hilrig.core.errors import Stopped, Tripped
+from hilrig.core.interfaces import Progress
 from hilrig.loop.driver_node import DriverNode
-from hilrig.loop.ticks import do_ticks
+from hilrig.loop.life_cycle import Ending, in_words, live
 from hilrig.recording.messages.codec import Codec
 from hilrig.recording.messages.layouts import layouts
 from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.channels import DRIVER_CHANNELS, RecordSender
 from hilrig.rig.child import Child, main
-from hilrig.rig.clock import PROGRESS_NS, Pacer
+from hilrig.rig.clock import NANOSECONDS, PROGRESS_NS, Begun, Pacer, Samples, Timer
 from hilrig.rig.command_receiver import BlockingCommandReceiver, CommandReceiver
 from hilrig.rig.faults import Injector
+from hilrig.rig.frames import TickScreen, tick_of
 from hilrig.rig.rows import HeardCommand, driver_rows
+from hilrig.rig.stage_record import StageRecord
 from hilrig.rig.warm_up import warm_up_driver
-
-UNHEARD = 100
-"""Ticks without an answer in real time, after which only one measurement in this many is sent: about 250 unread ones
-fill the socket buffer of a process that does not read, and then the link makes the driver wait, dropping or not"""
+from hilrig.rig.watchdog import CommandAge, Watchdog
 
 
 class BusWire:
@@ -33,54 +36,107 @@ class BusWire:
         self._child, self._node, self._injector = child, node, injector
         self._period, self._realtime = trial.period, trial.clock == "realtime"
         self._pacer = Pacer(trial.period, self._realtime, trial.rig.spin)
-        outbox = child.bus.outbox("state", blocking=not self._realtime)
+        outbox = child.bus.tick_outbox("state", blocking=not self._realtime)
         self._outbox = outbox if injector is None else injector.outbox(outbox)
-        inbox = child.bus.inbox("command")
-        self._commands = CommandReceiver(inbox) if self._realtime else BlockingCommandReceiver(inbox)
-        self._record = RecordSender(child.record(), codecs, DRIVER_CHANNELS)
+        lead = child.bus.lead("command", "controller")
+        self._screen = TickScreen(lead, codecs["command"].size)
+        inbox, wait = child.bus.tick_inbox("command"), child.signals.interruptible
+        self._commands = (
+            CommandReceiver(inbox, self._screen)
+            if self._realtime
+            else BlockingCommandReceiver(inbox, self._screen, wait)
+        )
+        self._record = RecordSender(child.record(), codecs, DRIVER_CHANNELS, {"state": outbox.lead})
         self._state = self._record.batches["state"]
+        self._stages = StageRecord(self._record, trial.period)
         self._certified = child.settings.certificate
         self._resumed = child.resume_monitor
-        self._heard = HeardCommand(codecs)
+        self._heard = HeardCommand(codecs, lead)
         node.bind(driver_rows(self._record.batches), self._heard.acting)
         self._waiting: deque[tuple[int, int, bytes]] = deque()
         self._acting, self._received = -1, 0
-        self._due = self._woke = self._published = self._applied = 0
+        self._row, self._last = -1, self._record.rows - 1
+        self._begun = Begun(0, 0, 0)
+        self._woke = self._published = self._applied = 0
         self._next_report = 0
+        self._timer: Timer | Samples = Timer(self._pacer, trial.period)
+        self._age = CommandAge(trial)
+        self._watchdog = Watchdog(node, self._age.limit_s)
 
-    def wait(self, tick: int) -> None:
+    def enter(self, stage: str) -> None:
+        """Tell the supervisor that a stage begins; the watchdog watches the ticks only."""
+        self._child.tell("stage", stage=stage)
+        self._stages.enter(stage)
+        if stage == "ticks" and self._realtime:
+            await_sample = getattr(self._node.plant, "await_sample", None)
+            if await_sample is not None and self._node.trial.rig.pace == "samples":
+                self._timer = Samples(await_sample, self._period, self._age.sample_limit_s)
+            self._watchdog.start()
+        elif stage == "release":
+            self._watchdog.stop()
+
+    def wait_in_stage(self, number: int) -> float:
+        """Wait for a period of a stage; return the time since its first one, s. Raises Stopped."""
+        self._pacer.wait(number)
+        self._check_orders(time.monotonic_ns())
+        return self._stages.elapsed()
+
+    def note_stage(self, progress: Progress) -> None:
+        """Record and report what the plant does."""
+        self._stages.note(self._node, progress)
+        if (now := time.monotonic_ns()) > self._next_report:
+            self._next_report = now + PROGRESS_NS
+            self._child.tell("doing", words=in_words(progress))
+
+    def wait(self, tick: int) -> int:
         """Wait until the tick is due; report progress and check for orders now and then."""
-        self._due = self._pacer.wait(tick)
-        self._woke = woke = time.monotonic_ns()
+        self._row = 0 if self._row == self._last else self._row + 1
+        if self._realtime:
+            self._begun = begun = self._timer.wait(tick)
+            self._woke = woke = time.monotonic_ns()
+            self._age.begin(begun.tick, begun.tick - tick, woke)
+            tick = begun.tick
+        else:
+            self._begun = Begun(tick, self._pacer.wait(tick), 0)
+            self._woke = woke = time.monotonic_ns()
         if woke > self._next_report:
             self._next_report = woke + PROGRESS_NS
             self._child.tell("progress", tick=tick)
-            if self._child.told_to_stop():
-                raise Stopped("by order")
+            self._check_orders(woke)
+        self._child.signals.check()
+        self._watchdog.stroke(woke)
         if self._injector is not None:
             self._injector.stall(tick)
+        return tick
+
+    def _check_orders(self, now: int) -> None:
+        self._child.signals.check()
+        if self._child.told_to_stop():
+            raise Stopped("by order")
 
     def publish(self, tick: int) -> None:
         """Send the state from its batch."""
-        row = tick % self._record.rows
-        if self._realtime and tick % UNHEARD and tick - self._acting > UNHEARD:
-            self._published = 0
-        else:
-            message = self._state.message(row)
-            self._published = time.monotonic_ns()
-            self._outbox.put(message)
+        row = self._row
+        self._screen.newest = tick
+        message = self._state.framed(row)
+        self._published = time.monotonic_ns()
+        self._outbox.put(message)
         self._record.written["state"] = row + 1
         if self._node.truthful:
             self._record.written["truth"] = row + 1
         if self._realtime:
-            self._note(tick, row)
+            self._note(tick)
 
     def take_command(self, tick: int, wanted: int) -> None:
         """Put the command for this period into effect; in real time the last one stays when the wanted one is late."""
         self._collect(wanted)
         self._applied = time.monotonic_ns()
-        if not self._realtime:
-            self._note(tick, tick % self._record.rows)
+        if self._realtime:
+            if self._watchdog.bitten_ns:
+                raise Tripped(self._watchdog.why())
+            self._age.check(tick, self._acting, self._applied, self._node.fresh)
+        else:
+            self._note(tick)
 
     def _collect(self, wanted: int) -> None:
         """Put into effect the newest command that is not newer than `wanted`."""
@@ -96,16 +152,18 @@ class BusWire:
             received, message = arrival
             if not message:
                 raise Stopped("the controller ended first")
-            self._waiting.append((int.from_bytes(message[4:12], "little"), received, message))
+            self._waiting.append((tick_of(message), received, message))
 
-    def _note(self, tick: int, row: int) -> None:
+    def _note(self, tick: int) -> None:
         """Write the time stamps of this tick; hand over the record when the batches are full."""
         if self._certified:
+            stamp, fresh = self._node.arrays.observation.sample
+            sampled = self._begun.sampled if np.isnan(stamp) else round(stamp * NANOSECONDS)
             self._record.stamps.append((
-                tick, tick * self._period, self._due, self._woke, self._published, self._acting, self._received,
-                self._applied, self._resumed.last,
+                tick, tick * self._period, self._begun.due, self._woke, self._published, self._acting, self._received,
+                self._applied, sampled, fresh, self._resumed.last,
             ))  # fmt: skip
-        if row == self._record.rows - 1:
+        if self._row == self._last:
             self._record.ship()
 
     def rehearse(self) -> None:
@@ -115,8 +173,16 @@ class BusWire:
     def end(self) -> None:
         """Send the remaining messages and mark the end."""
         self._outbox.end()
-        self._record.end()
+        self._record.end({"command": dict(self._screen.refused), "order": self._child.refused_orders})
         self._child.finish_record()
+
+    def account(self) -> dict[str, Any]:
+        """Return what the supervisor is to know of the end."""
+        return {
+            "command_age_s": self._age.last_s,
+            "loop_s": self._stages.durations.get("ticks"),
+            "stages": self._stages.durations,
+        }
 
 
 def work(child: Child) -> None:
@@ -125,21 +191,19 @@ def work(child: Child) -> None:
     warm_up_driver(trial)
     injector = Injector.of(trial, "driver")
     node = DriverNode(trial)
+    codecs = layouts(trial.driver.robot.joints, len(trial.axes), {})
+    wire = BusWire(child, node, codecs, injector)
+    child.ready(("controller", "logger"), wire.rehearse)
+    # From here on signals are noted, and end the trial at the next period: nothing interrupts the plant's code.
+    child.signals.raising = False
+    ending: Ending | None = None
     try:
-        codecs = layouts(trial.driver.robot.joints, len(trial.axes), {})
-        wire = BusWire(child, node, codecs, injector)
-        child.ready(("controller", "logger"), wire.rehearse)
-        try:
-            began = time.monotonic()
-            ending = do_ticks(node, wire)
-            loop_s = time.monotonic() - began
-        finally:
-            wire.end()
-            if injector is not None:
-                injector.end(trial_directory(child.run, trial.id))
+        ending = live(node, wire)
     finally:
-        node.close()
-    child.tell("done", loop_s=loop_s, **ending._asdict())
+        wire.end()
+        if injector is not None:
+            injector.end(trial_directory(child.run, trial.id))
+    child.tell("done", **wire.account(), **ending._asdict())
 
 
 if __name__ == "__main__":

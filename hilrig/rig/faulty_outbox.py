@@ -8,6 +8,7 @@ from queue import SimpleQueue
 from threading import Thread
 
 from hilrig.rig.bus import Outbox
+from hilrig.rig.frames import tick_of
 
 Note = Callable[[int, str, int, int], None]
 """Called with (tick, "delay" or "loss", begin, end), times in ns of CLOCK_MONOTONIC"""
@@ -22,6 +23,7 @@ class FaultyOutbox(Outbox):
 
     def __init__(self, outbox: Outbox, delays: Mapping[int, int], losses: Mapping[int, int], note: Note) -> None:
         self._outbox, self._delays, self._losses, self._note = outbox, delays, losses, note
+        self.lead = outbox.lead
         self._held: SimpleQueue[tuple[int, int, int, bytes] | None] = SimpleQueue()
         # Each is written by one thread only. If they are equal, no message is held.
         self._taken, self._sent = 0, 0
@@ -30,7 +32,7 @@ class FaultyOutbox(Outbox):
         self._thread.start()
 
     def _put(self, payload: bytes) -> None:
-        tick, now = int.from_bytes(payload[4:12], "little"), time.monotonic_ns()
+        tick, now = tick_of(payload), time.monotonic_ns()
         if tick in self._losses:
             self._note(tick, "loss", now, now)
             return

@@ -8,10 +8,12 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from hilrig.core.errors import Stopped, Tripped
+from hilrig.core.interfaces import Progress
 from hilrig.experiment.trial import Trial
 from hilrig.loop.controller_node import ControllerNode
 from hilrig.loop.driver_node import DriverNode
-from hilrig.loop.ticks import Ending, do_ticks
+from hilrig.loop.life_cycle import live
+from hilrig.loop.ticks import Ending
 from hilrig.loop.whole_trial import TrialRows, WholeTrial
 from hilrig.recording.certificate.durations import Terms
 from hilrig.recording.messages.codec import Codec
@@ -21,7 +23,7 @@ from hilrig.recording.recorder import TIMING, Recorder
 from hilrig.recording.run_directory import trial_directory, write_json
 from hilrig.recording.timing import certify
 from hilrig.rig.channels import NAMES, RecordBatches
-from hilrig.rig.clock import PROGRESS_NS, Pacer
+from hilrig.rig.clock import PROGRESS_NS, Pacer, Timer
 from hilrig.rig.outcome import Outcome
 from hilrig.rig.rows import FEWEST, HeardCommand, HeardState, controller_rows, driver_rows
 from hilrig.rig.warm_up import warm_up_controller, warm_up_driver
@@ -58,6 +60,8 @@ class DirectWire:
         self._driver, self._recorder, self._caller = driver, recorder, caller
         self._period, self._realtime = trial.period, trial.clock == "realtime"
         self._pacer = Pacer(trial.period, self._realtime, trial.rig.spin)
+        self._timer = Timer(self._pacer, trial.period)
+        self._row = -1
         self._record = RecordBatches(codecs, NAMES, ROWS)
         batches = self._record.batches
         self._state, self._command = batches["state"], batches["command"]
@@ -70,23 +74,39 @@ class DirectWire:
         self._due = self._woke = self._published = self._applied = 0
         self._stamps: dict[str, list[tuple[float, ...]]] = {name: [] for name in TIMING}
 
-    def wait(self, tick: int) -> None:
-        """Wait for the tick's due time. Raises Stopped if told to end."""
-        self._due = self._pacer.wait(tick)
+    def wait(self, tick: int) -> int:
+        """Wait for the tick's due time, and return the tick that is due then. Raises Stopped if told to end."""
+        self._row = (self._row + 1) % ROWS
+        if self._realtime:
+            tick, self._due, _ = self._timer.wait(tick)
+        else:
+            self._due = self._pacer.wait(tick)
         self._woke = time.monotonic_ns()
         self._caller.look(tick, self._woke)
+        return tick
+
+    def enter(self, stage: str) -> None:
+        """Do nothing: a simulated plant has no stages that take time."""
+
+    def wait_in_stage(self, number: int) -> float:
+        """Return the time that the stage has taken, s; nobody waits for a simulated plant."""
+        self._caller.look(0, time.monotonic_ns())
+        return number * self._period
+
+    def note_stage(self, progress: Progress) -> None:
+        """Do nothing."""
 
     def publish(self, tick: int) -> None:
         """Let the controller answer, and record."""
-        row, written = tick % ROWS, self._record.written
+        row, written = self._row, self._record.written
         self._published = time.monotonic_ns()
         written["state"] = row + 1
         if self._driver.truthful:
             written["truth"] = row + 1
-        self._heard_state.read(self._state.message(row))
+        self._heard_state.read(self._state.framed(row))
         self._controller.answer()
         computed = time.monotonic_ns()
-        self._commands[tick] = (self._command.message(row), computed)
+        self._commands[tick] = (self._command.framed(row), computed)
         written["command"] = written["internals"] = row + 1
         time_s = tick * self._period
         self._stamps["controller_timing"].append(
@@ -109,9 +129,9 @@ class DirectWire:
         """Write the time stamps of this tick; record when the batches are full."""
         self._stamps["driver_timing"].append((
             tick, tick * self._period, self._due, self._woke, self._published, self._acting, self._computed,
-            self._applied, 0,
+            self._applied, 0, 1, 0,
         ))  # fmt: skip
-        if tick % ROWS == ROWS - 1:
+        if self._row == ROWS - 1:
             self._hand_over()
 
     def _hand_over(self) -> None:
@@ -171,11 +191,12 @@ def run_in_process(
         warm_up_driver(trial)
     driver = DriverNode(trial)
     try:
-        if trial.clock == "lockstep" and driver.compiled:
+        driver.connect()
+        if trial.clock == "lockstep" and driver.compiled and not driver.staged:
             return _in_blocks(directory, driver, caller)
         return _tick_by_tick(directory, driver, caller)
     finally:
-        driver.close()
+        driver.release()
 
 
 def _tick_by_tick(directory: Path, driver: DriverNode, caller: Caller) -> Outcome:
@@ -186,7 +207,7 @@ def _tick_by_tick(directory: Path, driver: DriverNode, caller: Caller) -> Outcom
     with Recorder(directory, trial.period, definitions(memory)) as recorder:
         wire = DirectWire(driver, codecs, recorder, caller)
         try:
-            ending = do_ticks(driver, wire)
+            ending = live(driver, wire)
         finally:
             wire.end()
         return _outcome(directory, trial, ending, recorder, time.monotonic() - began)

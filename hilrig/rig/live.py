@@ -31,6 +31,8 @@ class LiveTrial:
     """Endpoint at which its logger accepts watch processes"""
     cores: tuple[int, ...]
     """The logger's cores, on which a watch process does not disturb the loop"""
+    epoch: bytes
+    """The epoch of its messages"""
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,10 @@ def read_live(run: Path) -> LiveRun | None:
     except RunDirectoryError:
         # It is missing or not JSON; hilrig itself never writes a partial file.
         return None
-    trials = tuple(LiveTrial(id, item["endpoint"], tuple(item["cores"])) for id, item in document["trials"].items())
+    trials = tuple(
+        LiveTrial(id, item["endpoint"], tuple(item["cores"]), bytes.fromhex(item["epoch"]))
+        for id, item in document["trials"].items()
+    )
     return LiveRun(document["pid"], document["born"], document["transport"], trials)
 
 
@@ -82,10 +87,10 @@ class Live:
     _trials: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def begin(self, trial: str, endpoint: str, cores: Sequence[int]) -> None:
+    def begin(self, trial: str, endpoint: str, cores: Sequence[int], epoch: bytes) -> None:
         """Add a trial that is being started, and the endpoint at which its logger accepts watch processes."""
         with self._lock:
-            self._trials[trial] = {"endpoint": endpoint, "cores": list(cores)}
+            self._trials[trial] = {"endpoint": endpoint, "cores": list(cores), "epoch": epoch.hex()}
             self._write()
 
     def end(self, trial: str) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from hilrig.core.signals import Command
 from hilrig.loop.rows import CommandRows, ControllerRows, DriverRows, InternalsRows, StateRows, TruthRows
-from hilrig.recording.messages.codec import Codec
+from hilrig.recording.messages.codec import LEAD, Codec
 from hilrig.recording.messages.record_batch import RecordBatch
 
 FEWEST = 2
@@ -32,23 +32,25 @@ def controller_rows(batches: Mapping[str, RecordBatch]) -> ControllerRows:
 class HeardState:
     """The state message that the controller node answers."""
 
-    def __init__(self, codecs: Mapping[str, Codec]) -> None:
-        self._batch = RecordBatch(codecs["state"], FEWEST)
+    def __init__(self, codecs: Mapping[str, Codec], lead: bytes = LEAD) -> None:
+        """`lead` are the first bytes of a framed message."""
+        self._batch = RecordBatch(codecs["state"], FEWEST, lead)
         self.rows = StateRows(*self._batch.fields)
 
-    def read(self, message: bytes) -> None:
+    def read(self, framed: bytes) -> None:
         """Copy a message into the row. Raises ValueError if it has another length."""
-        self._batch.read(0, message)
+        self._batch.read(0, framed)
 
 
 class HeardCommand:
     """The command message that acts on the plant."""
 
-    def __init__(self, codecs: Mapping[str, Codec]) -> None:
-        self._batch = RecordBatch(codecs["command"], FEWEST)
+    def __init__(self, codecs: Mapping[str, Codec], lead: bytes = LEAD) -> None:
+        """`lead` are the first bytes of a framed message."""
+        self._batch = RecordBatch(codecs["command"], FEWEST, lead)
         rows = CommandRows(*self._batch.fields)
         self.acting = Command(rows.torque[0], rows.position[0])
 
-    def read(self, message: bytes) -> None:
+    def read(self, framed: bytes) -> None:
         """Copy a message into the row. Raises ValueError if it has another length."""
-        self._batch.read(0, message)
+        self._batch.read(0, framed)

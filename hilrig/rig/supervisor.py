@@ -16,8 +16,9 @@ from typing import Any
 from hilrig.experiment.trial import Trial
 from hilrig.recording.run_directory import trial_directory
 from hilrig.rig.bus import Bus
-from hilrig.rig.child import Orders
+from hilrig.rig.child import HALTED, Orders
 from hilrig.rig.cores import cores_for
+from hilrig.rig.frames import new_epoch
 from hilrig.rig.live import Live
 from hilrig.rig.outcome import Outcome
 from hilrig.rig.processes import (
@@ -39,6 +40,9 @@ STOP_TIMEOUT_S = 1.0
 """How long a process may take to end by itself when a trial is cut short, before it gets SIGTERM"""
 WRITE_TIMEOUT_S = 60.0
 """How long the logger may take to write its remaining messages"""
+MOST_HEARD = 1000
+"""Messages that are handled between two looks at the children"""
+_STAGE_WORDS = {"connect": "connecting", "prepare": "preparing", "approach": "approaching", "retract": "retracting"}
 TOKENS_S = 1.0
 """Time between two checks of the liveliness tokens"""
 
@@ -50,14 +54,16 @@ def run_on_bus(
     stop: Callable[[], bool] = lambda: False,
     slot: int = 0,
     live: Live | None = None,
+    doing: Callable[[str], None] = lambda words: None,
 ) -> Outcome:
     """Run one trial in three fresh processes over the bus and return its outcome.
 
     `report` is called with the tick that the trial has reached, `stop` is polled for an abort, `slot` decides which
-    cores the processes get, and `live` receives the endpoint where the trial can be watched.
+    cores the processes get, `live` receives the endpoint where the trial can be watched, and `doing` is told in words
+    what the plant does before and after the ticks.
     """
     with Rig(run, trial, slot, live) as rig:
-        return Supervision(rig, report, stop).outcome()
+        return Supervision(rig, report, stop, doing).outcome()
 
 
 class Rig:
@@ -74,18 +80,19 @@ class Rig:
         self._sockets = make_socket_folder()
         try:
             low_latency = self.trial.rig.low_latency_link or self.trial.clock == "lockstep"
-            self.bus = Bus(self.trial.id, "supervisor", [self._endpoint("supervisor")], [], low_latency)
+            epoch = new_epoch()
+            self.bus = Bus(self.trial.id, "supervisor", [self._endpoint("supervisor")], [], low_latency, epoch)
             self._orders = self.bus.outbox("order", blocking=True)
-            self.statuses = self.bus.inbox("status")
+            self.statuses = self.bus.inbox("status", ROLES)
             self.bus.announce()
             for role, listens, connects in (
                 ("driver", ["driver"], ["supervisor"]),
                 ("controller", ["controller"], ["supervisor", "driver"]),
                 ("logger", ["logger"], ["supervisor", "driver", "controller"]),
             ):
-                self.children[role] = self._start(role, listens, connects)
+                self.children[role] = self._start(role, listens, connects, epoch)
             if self._live:
-                self._live.begin(self.trial.id, self._endpoint("logger"), self._cores["logger"])
+                self._live.begin(self.trial.id, self._endpoint("logger"), self._cores["logger"], epoch)
         except BaseException:
             self._clean_up()
             raise
@@ -94,9 +101,9 @@ class Rig:
     def _endpoint(self, name: str) -> str:
         return endpoint(self._sockets, name)
 
-    def _start(self, role: str, listens: list[str], connects: list[str]) -> ChildProcess:
+    def _start(self, role: str, listens: list[str], connects: list[str], epoch: bytes) -> ChildProcess:
         orders = Orders(
-            role, str(self.run.resolve()), self.trial.id, self._sockets,
+            role, str(self.run.resolve()), self.trial.id, epoch.hex(), self._sockets,
             tuple(map(self._endpoint, listens)), tuple(map(self._endpoint, connects)),
             self._cores[role], self.trial.clock == "realtime", asdict(self.trial.rig), READY_TIMEOUT_S, os.getpid(),
         )  # fmt: skip
@@ -127,13 +134,26 @@ class Rig:
             if hasattr(self, "bus"):
                 steps.callback(self.bus.close)
             steps.callback(kill_all, self.children.values())
+            steps.callback(self._let_go)
+
+    @property
+    def stop_time_s(self) -> float:
+        """How long the driver may take to hold and close its plant: nobody kills it before"""
+        return self.trial.driver.capabilities.stop_time
+
+    def _let_go(self) -> None:
+        """End the driver if it still runs, with the time that it needs to hold its plant."""
+        if "driver" in self.children:
+            self.children["driver"].end(0.0, self.stop_time_s + TERM_TIMEOUT_S)
 
 
 class Supervision:
     """Follows one trial from the start of its processes to its outcome."""
 
-    def __init__(self, rig: Rig, report: Callable[[int], None], stop: Callable[[], bool]) -> None:
-        self._rig, self._report, self._stop = rig, report, stop
+    def __init__(
+        self, rig: Rig, report: Callable[[int], None], stop: Callable[[], bool], doing: Callable[[str], None]
+    ) -> None:
+        self._rig, self._report, self._stop, self._doing = rig, report, stop, doing
         self._ready: dict[str, dict[str, Any]] = {}
         self._done: dict[str, dict[str, Any]] = {}
         self._verdict: tuple[str, str] | None = None
@@ -141,6 +161,7 @@ class Supervision:
         self._exits: dict[str, float] = {}
         self._missing: set[str] = set()
         self._ticks = 0
+        self._stage = "connect"
         self._silence = Stopwatch()
         self._next_look_for_tokens = 0.0
 
@@ -176,8 +197,10 @@ class Supervision:
     def _follow(self) -> None:
         while "driver" not in self._done and not self._verdict:
             self._look()
-            if self._silence.look() > SILENCE_TIMEOUT_S:
-                self._conclude("timed_out", f"no progress for {SILENCE_TIMEOUT_S:g} s after tick {self._ticks}")
+            limit = READY_TIMEOUT_S if self._stage == "connect" else SILENCE_TIMEOUT_S
+            if self._silence.look() > limit:
+                where = f"in the stage '{self._stage}'" if self._stage != "ticks" else f"after tick {self._ticks}"
+                self._conclude("timed_out", f"no progress for {limit:g} s {where}")
             self._check_tokens()
 
     def _look(self) -> None:
@@ -194,25 +217,36 @@ class Supervision:
         pause()
 
     def _hear(self) -> None:
-        """Handle the children's messages."""
-        while (item := self._rig.statuses.poll()) is not None:
-            self._take(json.loads(item))
+        """Handle the children's messages; one that cannot be read is counted as refused."""
+        for _ in range(MOST_HEARD):
+            item = self._rig.statuses.poll()
+            if item is None:
+                return
+            try:
+                status = json.loads(item)
+                self._take(status["role"], status["event"], status)
+            except (ValueError, KeyError, TypeError):
+                self._rig.statuses.refuse()
 
-    def _take(self, status: dict[str, Any]) -> None:
-        role, event = status["role"], status["event"]
+    def _take(self, role: str, event: str, status: dict[str, Any]) -> None:
         self._silence.restart()
         if event == "ready":
             self._ready[role] = status
         elif event == "progress":
             self._ticks = status["tick"]
             self._report(self._ticks)
+        elif event == "stage":
+            self._stage = status["stage"]
+            self._doing(_STAGE_WORDS.get(self._stage, ""))
+        elif event == "doing":
+            self._doing(status["words"])
         elif event == "done":
             self._done[role] = status
             if role == "driver":
                 self._ticks = status["ticks"]
                 # If the driver stopped because its controller ended, the driver is not the cause.
-                if status["outcome"] == "tripped":
-                    self._conclude("tripped", status["reason"])
+                if status["outcome"] in ("tripped", "timed_out") or status["reason"] == HALTED:
+                    self._conclude(status["outcome"], status["reason"])
         else:
             self._conclude("tripped" if event == "tripped" else "failed", f"{role}: {status['reason']}")
 
@@ -246,8 +280,10 @@ class Supervision:
         elif self._verdict:
             for child in children.values():
                 child.terminate()
-        for role in ("driver", "controller"):
-            children[role].end(STOP_TIMEOUT_S if self._verdict else TERM_TIMEOUT_S, enough=self._listen)
+        for role, extra_s in (("driver", self._rig.stop_time_s), ("controller", 0.0)):
+            children[role].end(
+                extra_s + (STOP_TIMEOUT_S if self._verdict else TERM_TIMEOUT_S), extra_s + TERM_TIMEOUT_S, self._listen
+            )
         children["logger"].end(
             STOP_TIMEOUT_S if self._verdict else WRITE_TIMEOUT_S,
             WRITE_TIMEOUT_S if self._begun else STOP_TIMEOUT_S,

@@ -12,6 +12,8 @@ if TYPE_CHECKING:  # importing signals loads numba, which a watcher does not nee
 
 CHANNEL, ASKING = "view", "watching"
 """Keys on the bus: for the views, and for the requests"""
+WATCHER = "watcher"
+"""The role of a watch process on the bus"""
 GRANT_S = 1.0
 """How long views are sent after a request"""
 INTERVAL_S = 0.05

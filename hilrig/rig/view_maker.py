@@ -24,11 +24,13 @@ from hilrig.recording.certificate.late import is_late
 from hilrig.recording.messages.codec import Codec, definition, sizes_in
 from hilrig.recording.timing import terms_of
 from hilrig.rig.bus import Bus
-from hilrig.rig.view import ASKING, CHANNEL, GRANT_S, INTERVAL_S, view_codec
+from hilrig.rig.view import ASKING, CHANNEL, GRANT_S, INTERVAL_S, WATCHER, view_codec
 
 LEAST_TICKS = 2
 """Minimum in a view: the acceleration is a difference"""
 
+MOST_REQUESTS = 64
+"""Requests that are read before each view"""
 DRIVER_TIMING = Codec(definition("DriverTiming"), {})
 
 Fields = dict[str, np.ndarray]
@@ -135,7 +137,7 @@ class Views:
 
     def __init__(self, bus: Bus, trial: Mapping[str, Any]) -> None:
         self._outbox = bus.outbox(CHANNEL, blocking=False)
-        self._asking = bus.inbox(ASKING, latest_only=True)
+        self._asking, self._request = bus.tick_inbox(ASKING), bus.lead(ASKING, WATCHER)
         self._maker: ViewMaker | None = ViewMaker(trial)
         self._next, self._until = 0.0, 0.0
 
@@ -159,8 +161,13 @@ class Views:
 
     def _send(self, maker: ViewMaker) -> None:
         now = time.monotonic()
-        if self._asking.poll() is not None:
-            self._until = now + GRANT_S
+        for _ in range(MOST_REQUESTS):
+            message = self._asking.poll()
+            if message is None:
+                break
+            # Every watch process numbers its own requests, so only the lead counts.
+            if message.startswith(self._request):
+                self._until = now + GRANT_S
         if now > self._until:
             maker.skip()
         elif (payload := maker.view()) is not None:

@@ -7,9 +7,11 @@ from contextlib import suppress
 import numpy as np
 
 from hilrig.core.errors import Tripped
+from hilrig.core.signals import Command, Measurement, PlantDisturbance
 from hilrig.experiment.trial import Trial, start_joint_position
 from hilrig.loop.controller_node import ControllerNode
 from hilrig.loop.driver_node import DriverNode
+from hilrig.recording.messages.codec import LEAD
 from hilrig.recording.messages.layouts import layouts
 from hilrig.recording.messages.record_batch import RecordBatch
 from hilrig.rig.rows import FEWEST, HeardCommand, HeardState, controller_rows, driver_rows
@@ -19,10 +21,14 @@ TICKS = 2
 
 
 def warm_up_driver(trial: Trial) -> None:
-    """Run the first ticks of the driver node."""
+    """Run the first ticks of the driver node. A plant that is not simulated is never rehearsed: a stand-in is."""
     codecs = layouts(trial.driver.robot.joints, len(trial.axes), {})
     node = DriverNode(trial)
     try:
+        if node.simulated:
+            node.connect()
+        else:
+            node.adopt(StandIn(trial))
         batches = {name: RecordBatch(codecs[name], FEWEST) for name in ("state", "truth")}
         node.bind(driver_rows(batches), HeardCommand(codecs).acting)
         for tick in range(min(TICKS, trial.ticks)):
@@ -31,7 +37,34 @@ def warm_up_driver(trial: Trial) -> None:
     except Tripped:
         pass  # the trial will trip in the same way, and report it
     finally:
-        node.close()
+        node.release()
+
+
+class StandIn:
+    """Stands in for a plant while the code around it is compiled: it is at the start, and stays there."""
+
+    def __init__(self, trial: Trial) -> None:
+        self._q, self._none = start_joint_position(trial), np.zeros(trial.driver.robot.joints)
+
+    def measure(self, disturbance: PlantDisturbance) -> Measurement:
+        """Return the start, without contact."""
+        return Measurement(self._q.copy(), np.zeros(6), self._none.copy())
+
+    def advance(self, command: Command, disturbance: PlantDisturbance) -> None:
+        """Do nothing."""
+
+    def holding_command(self) -> Command:
+        """Return no torque."""
+        return Command(self._none.copy(), self._q.copy())
+
+    def truth(self, disturbance: PlantDisturbance) -> None:
+        """Return None, as a real plant does."""
+
+    def hold(self) -> None:
+        """Do nothing: it does not move."""
+
+    def close(self) -> None:
+        """Do nothing."""
 
 
 def warm_up_controller(trial: Trial) -> dict[str, int]:
@@ -47,7 +80,7 @@ def warm_up_controller(trial: Trial) -> dict[str, int]:
     batches = {name: RecordBatch(codecs[name], FEWEST) for name in ("command", "internals")}
     heard = HeardState(codecs)
     node.bind(heard.rows, controller_rows(batches))
-    heard.read(codecs["state"].zero())
+    heard.read(LEAD + codecs["state"].zero())
     heard.rows.joint_position[0], heard.rows.fresh[0] = start, 1
     with suppress(Tripped):  # the trial will trip in the same way, and report it
         for tick in range(min(TICKS, trial.ticks)):

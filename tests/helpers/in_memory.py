@@ -14,7 +14,7 @@ from hilrig.experiment.trial import Trial, start_joint_position, times
 from hilrig.loop.controller_node import ControllerNode
 from hilrig.loop.driver_node import DriverNode
 from hilrig.loop.ticks import Ending, do_ticks
-from hilrig.recording.messages.codec import Codec
+from hilrig.recording.messages.codec import LEAD, Codec
 from hilrig.recording.messages.layouts import layouts
 from hilrig.recording.messages.record_batch import RecordBatch
 from hilrig.rig.rows import HeardCommand, HeardState, controller_rows, driver_rows
@@ -40,6 +40,7 @@ class Nodes:
         }
         self.heard_state, self.heard_command = HeardState(self.codecs), HeardCommand(self.codecs)
         self.driver, self.controller = DriverNode(trial), ControllerNode(trial)
+        self.driver.connect()
         self.driver.bind(driver_rows(self.batches), self.heard_command.acting)
         self.controller.bind(self.heard_state.rows, controller_rows(self.batches))
         self.rows = rows
@@ -61,7 +62,7 @@ class Nodes:
 
     def answered(self, message: bytes) -> tuple[dict[str, Array], dict[str, Array]]:
         """Answer a state message; return the fields of command and internals. Raises Tripped, PluginError."""
-        self.heard_state.read(message)
+        self.heard_state.read(LEAD + message)
         row = self.controller.answer()
         command, internals = (self.values(name, self.batches[name].message(row)) for name in CONTROLLER)
         return command, internals
@@ -87,19 +88,19 @@ def pass_messages(
             for name in DRIVER if nodes.driver.truthful else DRIVER[:1]:
                 getattr(passed, name).append(nodes.message(name, tick))
             if tick not in missed:
-                nodes.heard_state.read(passed.state[-1])
+                nodes.heard_state.read(LEAD + passed.state[-1])
                 row = nodes.controller.answer()
                 assert row == len(passed.command) % (rows + 1)
                 for name in CONTROLLER:
                     getattr(passed, name).append(nodes.batches[name].message(row))
                 commands[tick] = passed.command[-1]
             if (command := newest(commands, tick - subject.actuation_delay)) is not None:
-                nodes.heard_command.read(command)
+                nodes.heard_command.read(LEAD + command)
             nodes.driver.advance()
     except Tripped as trip:
         passed.reason = str(trip)
     finally:
-        nodes.driver.close()
+        nodes.driver.release()
     return passed
 
 
@@ -133,23 +134,27 @@ class Wire:
         self.commands: dict[int, bytes] = {}
         self.wanted: list[int] = []
 
-    def wait(self, tick: int) -> None:
+    def wait(self, tick: int) -> int:
         """Nobody to wait for."""
+        return tick
 
     def publish(self, tick: int) -> None:
-        self.nodes.heard_state.read(self.nodes.message("state", tick))
+        self.nodes.heard_state.read(LEAD + self.nodes.message("state", tick))
         self.commands[tick] = self.nodes.batches["command"].message(self.nodes.controller.answer())
 
     def take_command(self, tick: int, wanted: int) -> None:
         self.wanted.append(wanted)
         if wanted in self.commands:
-            self.nodes.heard_command.read(self.commands.pop(wanted))
+            self.nodes.heard_command.read(LEAD + self.commands.pop(wanted))
 
 
 def run(trial: Trial) -> Seen:
     """Run a trial of an arm in the (x, z) plane."""
     nodes = Nodes(trial, trial.ticks)
-    ending = do_ticks(nodes.driver, Wire(nodes))
+    try:
+        ending = do_ticks(nodes.driver, Wire(nodes))
+    finally:
+        nodes.driver.release()
     done = ending.ticks
     codecs, batches = nodes.codecs, nodes.batches
     truth, command, internals = (

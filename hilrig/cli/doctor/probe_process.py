@@ -59,7 +59,7 @@ def _join(bus: Bus, role: str, settings: RigSettings) -> Report:
 def ask(bus: Bus, orders: dict[str, Any], settings: RigSettings) -> Report:
     """Send a message at every tick and stamp the answers as they come in; save the stamps, int64 (4, N) ns."""
     ticks, period_ns = orders["ticks"], orders["period_ns"]
-    asked, answers = bus.outbox("asked", blocking=False), bus.inbox("answered")
+    asked, answers = bus.outbox("asked", blocking=False), bus.inbox("answered", ["controller"], complete=False)
     stamps = np.zeros((4, ticks), dtype=np.int64)
     padding = bytes(PAYLOAD_BYTES - 8)
     report = _join(bus, "driver", settings)
@@ -78,7 +78,7 @@ def ask(bus: Bus, orders: dict[str, Any], settings: RigSettings) -> Report:
         asked.put(tick.to_bytes(8, "little") + padding)
         stamps[:3, tick] = due, woke, time.monotonic_ns()
     time.sleep(LAST_ANSWERS_S)
-    asked.end()
+    asked.put(b"")
     listener.join(JOIN_TIMEOUT_S)
     np.save(Path(orders["sockets"]) / "stamps.npy", stamps)
     return report
@@ -91,11 +91,11 @@ def _listen(answers: Any, received: NDArray[np.int64]) -> None:
 
 def answer_probe(bus: Bus, settings: RigSettings) -> Report:
     """Send every message back until an empty one comes, which is the last."""
-    asked, answers = bus.inbox("asked"), bus.outbox("answered", blocking=False)
+    asked, answers = bus.inbox("asked", ["driver"], complete=False), bus.outbox("answered", blocking=False)
     report = _join(bus, "controller", settings)
     while payload := asked.take():
         answers.put(payload)
-    answers.end()
+    answers.put(b"")
     return report
 
 

@@ -13,7 +13,7 @@ from hilrig.cli.watch.scene import Scene
 from hilrig.rig.bus import Bus
 from hilrig.rig.cores import pin
 from hilrig.rig.live import LiveRun, LiveTrial, read_live
-from hilrig.rig.view import ASKING, CHANNEL, GRANT_S, read_view
+from hilrig.rig.view import ASKING, CHANNEL, GRANT_S, WATCHER, read_view
 
 ASK = GRANT_S / 4
 """s between two requests for views"""
@@ -30,7 +30,7 @@ class Ear:
     history: History = field(default_factory=History)
 
     def __post_init__(self) -> None:
-        self._views = self.bus.inbox(CHANNEL)
+        self._views = self.bus.inbox(CHANNEL, ["logger"], complete=False)
         self._asking = self.bus.outbox(ASKING, blocking=False)
         self._next = 0.0
 
@@ -85,7 +85,7 @@ class Follower:
         # Before opening the bus: its threads inherit the cores that the process has then.
         os.sched_setaffinity(0, self._cores)
         pin(list(trial.cores))
-        self._ear = Ear(self._run.trials[trial.id], Bus(trial.id, "watcher", [], [trial.endpoint]))
+        self._ear = Ear(self._run.trials[trial.id], Bus(trial.id, WATCHER, [], [trial.endpoint], epoch=trial.epoch))
 
     def leave(self) -> None:
         """Leave the bus, if on it."""

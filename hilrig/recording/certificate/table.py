@@ -32,6 +32,8 @@ class DriverStamps(NamedTuple):
     command: Stamps
     received: Stamps
     applied: Stamps
+    sampled: Stamps
+    fresh: Stamps
     continued: Stamps
 
 

@@ -11,6 +11,7 @@ CHANNELS = {
     "truth": "Truth",
     "command": "Command",
     "internals": "Internals",
+    "stages": "Stage",
     "driver_timing": "DriverTiming",
     "controller_timing": "ControllerTiming",
 }
@@ -27,12 +28,14 @@ def layouts(joints: int, axes: int, memory: Mapping[str, int]) -> dict[str, Code
     """Return the codec of every channel for a robot with this many joints and task axes, and a law with this memory."""
     found = definitions(memory)
     per_joint = dict.fromkeys(("joint_position", "joint_velocity", "applied_torque", "torque"), joints)
+    commanded = {"torque": joints, "position": joints}
     per_axis = {"position": axes, "velocity": axes, "wrench": 6}
     sizes = {
         "state": {**per_joint, "wrench": 6},
         "truth": {**per_joint, **per_axis},
-        "command": {"torque": joints, "position": joints},
+        "command": commanded,
         "internals": {field.name: axes for field in found["internals"].fields if field.size == 0},
+        "stages": {**commanded, "joint_position": joints, "wrench": 6},
         "driver_timing": {},
         "controller_timing": {},
     }

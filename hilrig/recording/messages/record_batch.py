@@ -21,15 +21,18 @@ WORD = 8
 class RecordBatch:
     """Room for `rows` messages. Headers and the lengths of sequences are set, all values are zero."""
 
-    def __init__(self, codec: Codec, rows: int) -> None:
-        self._codec = codec
-        self._words = np.zeros((rows, -(-(len(LEAD) + codec.size) // WORD)), np.float64)
+    def __init__(self, codec: Codec, rows: int, lead: bytes = LEAD) -> None:
+        """`lead` are the bytes before every message: 4, or 4 more than a whole number of words."""
+        self._codec, start = codec, len(lead)
+        self._words = np.zeros((rows, -(-(start + codec.size) // WORD)), np.float64)
         stride = self._words.shape[1] * WORD
-        self._ends = range(len(LEAD) + codec.size, rows * stride + 1, stride)
-        self.payloads: NDArray[np.uint8] = self._words.view(np.uint8)[:, len(LEAD) : len(LEAD) + codec.size]
+        self._ends = range(start + codec.size, rows * stride + 1, stride)
+        self._framed_size = start + codec.size
+        self._words.view(np.uint8)[:, :start] = np.frombuffer(lead, np.uint8)
+        self.payloads: NDArray[np.uint8] = self._words.view(np.uint8)[:, start : self._framed_size]
         """The messages, (rows, bytes)"""
         self.payloads[:] = np.frombuffer(codec.zero(), np.uint8)
-        messages = np.ndarray((rows,), codec.dtype, self._words, len(LEAD), (stride,))
+        messages = np.ndarray((rows,), codec.dtype, self._words, start, (stride,))
         self.fields = [messages[name] for name in codec.names]
         """One array for each field of the definition, in its order: (rows,) or (rows, length)"""
         self._values = messages[codec.names]
@@ -46,12 +49,16 @@ class RecordBatch:
         """Return the message in a row."""
         return self._messages[row].tobytes()
 
-    def read(self, row: int, payload: bytes) -> None:
-        """Put a message into a row. Raises ValueError if it has another size."""
+    def framed(self, row: int) -> bytes:
+        """Return the message in a row with the lead before it."""
+        return self._framed[row].tobytes()
+
+    def read(self, row: int, framed: bytes) -> None:
+        """Put a message with the lead before it into a row. Raises ValueError if it has another size."""
         try:
-            self._messages[row][:] = payload
+            self._framed[row][:] = framed
         except ValueError:
-            raise self._codec.wrong_size(len(payload)) from None
+            raise self._codec.wrong_size(len(framed)) from None
 
     def write(self, rows: Sequence[tuple[float, ...]]) -> None:
         """Write messages into the first rows, each given as a tuple of numbers.
@@ -63,5 +70,12 @@ class RecordBatch:
     @cached_property
     def _messages(self) -> list[memoryview]:
         """The bytes of each row, created at first use because a compiled loop does not need them."""
+        return self._ending_with(self._codec.size)
+
+    @cached_property
+    def _framed(self) -> list[memoryview]:
+        return self._ending_with(self._framed_size)
+
+    def _ending_with(self, size: int) -> list[memoryview]:
         memory = self._words.reshape(-1).view(np.uint8).data
-        return [memory[end - self._codec.size : end] for end in self._ends]
+        return [memory[end - size : end] for end in self._ends]

@@ -38,8 +38,9 @@ class Noted(Wire):
         self.measured: list[dict[str, Array]] = []
         self.torques: dict[int, Array] = {}
 
-    def wait(self, tick: int) -> None:
+    def wait(self, tick: int) -> int:
         assert tick == len(self.measured)
+        return tick
 
     def publish(self, tick: int) -> None:
         super().publish(tick)
@@ -263,15 +264,16 @@ def test_a_law_need_not_remember() -> None:
 @pytest.mark.parametrize(("end", "outcome"), [(Tripped("too fast"), "tripped"), (Stopped("too fast"), "aborted")])
 def test_a_trial_that_ends_early_tells_why_and_releases_the_plant_once(end: Exception, outcome: str) -> None:
     class Ends(Wire):
-        def wait(self, tick: int) -> None:
+        def wait(self, tick: int) -> int:
             if tick == 3:
                 raise end
+            return tick
 
     closed: list[bool] = []
     nodes = Nodes(trial())
     nodes.driver.plant.close = lambda: closed.append(True)
     assert do_ticks(nodes.driver, Ends(nodes)) == (outcome, "too fast", 3)
-    nodes.driver.close()
+    nodes.driver.release()
     assert closed == [True]
 
 
@@ -283,7 +285,7 @@ def test_a_driver_that_measures_another_number_of_joints_is_refused() -> None:
     message = r"driver PybulletArm: measure returned joint_position as an array of shape \(3,\)"
     with pytest.raises(PluginError, match=message):
         nodes.driver.measure(0)
-    nodes.driver.close()
+    nodes.driver.release()
 
 
 def test_a_missed_tick_is_not_taken_for_speed() -> None:

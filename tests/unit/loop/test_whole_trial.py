@@ -58,7 +58,9 @@ class Blocks:
 
     def __init__(self, subject: Trial, sizes: dict[str, int]) -> None:
         self._codecs = layouts(2, 2, sizes)
-        self.trial = WholeTrial(DriverNode(subject))
+        node = DriverNode(subject)
+        node.connect()
+        self.trial = WholeTrial(node)
         self.passed = Passed()
 
     def start(self) -> None:
@@ -174,8 +176,9 @@ def test_a_memory_that_does_not_lie_in_one_piece_is_recorded_all_the_same(memory
 @pytest.mark.parametrize("driver", DRIVERS)
 def test_a_physics_engine_offers_no_kernels_and_a_compiled_plant_does(driver: Any) -> None:
     node = DriverNode(trial(driver(arm(), surface())))
+    node.connect()
     assert node.compiled == (driver is TwoLink)
-    node.close()
+    node.release()
 
 
 def test_blocks_and_single_ticks_give_the_same_messages() -> None:

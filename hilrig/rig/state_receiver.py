@@ -1,0 +1,52 @@
+"""Receives the measurements for the controller. What cannot be one that comes now is passed over."""
+
+from __future__ import annotations
+
+import time
+
+from hilrig.rig.bus import DEPTH, Inbox
+from hilrig.rig.frames import TickScreen
+
+END = b""
+"""In place of a message: no more will come"""
+SLACK = 3
+"""Ticks that a measurement may be ahead of its time: the two processes do not start counting together"""
+HURRY = 2
+"""How many times as fast as the period the ticks may come: a plant's own clock may run faster"""
+
+
+class StateReceiver:
+    """Gives every measurement in lockstep; in real time the newest one that has arrived."""
+
+    def __init__(self, inbox: Inbox, screen: TickScreen, ticks: int, period: float, realtime: bool) -> None:
+        self._inbox, self._screen, self._ticks, self._realtime = inbox, screen, ticks, realtime
+        self._period_ns = round(period * 1e9)
+        self._heard = time.monotonic_ns()
+        self._ended = False
+
+    def take(self) -> bytes:
+        """Wait for the next measurement and return it, or END."""
+        newest = END
+        while not newest and not self._ended:
+            message: bytes | None = self._inbox.take()
+            self._permit()
+            for _ in range(DEPTH):
+                if self._screen.passes(message):
+                    newest = message
+                elif message == self._screen.end:
+                    self._ended = True
+                message = self._inbox.poll() if self._realtime and not self._ended else None
+                if message is None:
+                    break
+        return newest
+
+    def _permit(self) -> None:
+        """Set the newest tick that can come by now."""
+        screen = self._screen
+        if self._realtime:
+            now = time.monotonic_ns()
+            ahead = SLACK + HURRY * (now - self._heard) // self._period_ns
+            screen.newest = min(max(screen.last + ahead, screen.newest), self._ticks - 1)
+            self._heard = now if screen.last >= 0 else self._heard
+        else:
+            screen.newest = min(screen.last + 1, self._ticks - 1)
