@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,15 +43,40 @@ def echo_warnings(warnings: list[Problem]) -> None:
         typer.echo(str(warning._replace(message=f"warning: {warning.message}")), err=True)
 
 
-def interruptible() -> threading.Event:
-    """Return an event that is set by Ctrl-C or SIGTERM. A second signal ends the program at once."""
-    stop = threading.Event()
+class Interruption(threading.Event):
+    """Set by the first Ctrl-C or SIGTERM. A second one ends the program at once, but not while trials are ending."""
 
-    def interrupt(_number: int, _frame: Any) -> None:
-        if stop.is_set():
+    def __init__(self) -> None:
+        super().__init__()
+        self._running = False
+
+    @contextmanager
+    def trials(self) -> Iterator[None]:
+        """Run trials in the body: they end by themselves once this is set, and every wait in them has a limit."""
+        self._running = True
+        try:
+            yield
+        finally:
+            self._running = False
+
+    def note(self, _number: int, _frame: Any) -> None:
+        """Handle a signal. Raises KeyboardInterrupt at the second one, outside of `trials`."""
+        if not self.is_set():
+            self.set()
+        elif self._running:
+            os.write(2, STILL_ENDING)
+        else:
             raise KeyboardInterrupt
-        stop.set()
 
-    signal.signal(signal.SIGINT, interrupt)
-    signal.signal(signal.SIGTERM, interrupt)
+
+STILL_ENDING = (
+    b"hilrig: ending the trial; the plant is held first, then the record is written, which may take a minute\n"
+)
+
+
+def interruptible() -> Interruption:
+    """Return an event that is set by Ctrl-C or SIGTERM."""
+    stop = Interruption()
+    signal.signal(signal.SIGINT, stop.note)
+    signal.signal(signal.SIGTERM, stop.note)
     return stop

@@ -135,7 +135,7 @@ def unpack_batches(packet: bytes) -> list[Part]:
     """Return the parts of a packet. Raises ValueError if it is none."""
     try:
         return list(_parts(packet))
-    except (struct.error, IndexError, TypeError, AttributeError) as error:
+    except (struct.error, IndexError, TypeError, AttributeError, OverflowError) as error:
         raise ValueError(f"not a packet of messages: {error}") from error
 
 

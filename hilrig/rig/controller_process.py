@@ -34,8 +34,8 @@ def work(child: Child) -> None:
     record = RecordSender(child.record(), codecs, CONTROLLER_CHANNELS, {"command": commands.lead})
     node, heard = ControllerNode(trial), HeardState(codecs, lead)
     node.bind(heard.rows, controller_rows(record.batches))
-    child.ready(("driver", "logger"), record.rehearse, memory=memory)
     states = StateReceiver(inbox, screen, trial.ticks, trial.period, realtime)
+    child.ready(("driver", "logger"), record.rehearse, memory=memory)
     try:
         answer_all(child, node, heard, record, states, commands, injector)
     except Tripped as trip:

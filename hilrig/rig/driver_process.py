@@ -27,6 +27,10 @@ from hilrig.rig.stage_record import StageRecord
 from hilrig.rig.warm_up import warm_up_driver
 from hilrig.rig.watchdog import CommandAge, Watchdog
 
+UNANSWERED = 100
+"""Ticks without an answer in real time, after which only one measurement in this many is sent: about 250 unread ones
+fill the socket buffer of a process that does not read, and then the link makes the driver wait, dropping or not"""
+
 
 class BusWire:
     """The driver's end of the bus."""
@@ -61,7 +65,7 @@ class BusWire:
         self._next_report = 0
         self._timer: Timer | Samples = Timer(self._pacer, trial.period)
         self._age = CommandAge(trial)
-        self._watchdog = Watchdog(node, self._age.limit_s)
+        self._watchdog = Watchdog(node, self._age.limit_s, lambda why: child.tell("tripped", reason=why))
 
     def enter(self, stage: str) -> None:
         """Tell the supervisor that a stage begins; the watchdog watches the ticks only."""
@@ -118,9 +122,12 @@ class BusWire:
         """Send the state from its batch."""
         row = self._row
         self._screen.newest = tick
-        message = self._state.framed(row)
-        self._published = time.monotonic_ns()
-        self._outbox.put(message)
+        if self._realtime and tick % UNANSWERED and tick - self._acting > UNANSWERED:
+            self._published = 0
+        else:
+            message = self._state.framed(row)
+            self._published = time.monotonic_ns()
+            self._outbox.put(message)
         self._record.written["state"] = row + 1
         if self._node.truthful:
             self._record.written["truth"] = row + 1

@@ -80,6 +80,7 @@ def execute(
     ExperimentError if the options do not fit the trials.
     """
     if options.in_process:
+        _refuse_robot(experiment)
         _refuse_faults(trials)
     plan = {
         "experiment": experiment.to_document(),
@@ -100,6 +101,16 @@ def execute(
         {**manifest, "finished": finished, "wall_s": round(time.monotonic() - began, 3)},
     )
     return run, outcomes
+
+
+def _refuse_robot(experiment: Experiment) -> None:
+    """Raise ExperimentError if the plant is not simulated: in one process nobody watches it while a law hangs."""
+    if not experiment.driver.capabilities.simulated:
+        kind = name_of(type(experiment.driver))[1]
+        raise ExperimentError(
+            f"--in-process: the plant of driver '{kind}' is not simulated, so it needs the watchdog in a process of its "
+            "own; run it without --in-process"
+        )
 
 
 def _refuse_faults(trials: Sequence[Trial]) -> None:

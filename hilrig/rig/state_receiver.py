@@ -21,6 +21,7 @@ class StateReceiver:
     def __init__(self, inbox: Inbox, screen: TickScreen, ticks: int, period: float, realtime: bool) -> None:
         self._inbox, self._screen, self._ticks, self._realtime = inbox, screen, ticks, realtime
         self._period_ns = round(period * 1e9)
+        # Of the first measurement it is only known that the trial began later than this.
         self._heard = time.monotonic_ns()
         self._ended = False
 

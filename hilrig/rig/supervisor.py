@@ -268,9 +268,17 @@ class Supervision:
             self._conclude("failed", f"{', '.join(sorted(gone))} vanished from the bus")
 
     def _conclude(self, outcome: str, reason: str) -> None:
-        """Set the verdict unless there is one already: later problems are consequences of the first."""
+        """Set the verdict unless there is one already: later problems are consequences of the first.
+
+        The watchdog in the driver is faster than the last words of a process that has died, so these are added.
+        """
         if self._verdict is None:
-            self._verdict = (outcome, reason)
+            gone = [
+                self._rig.how_it_ended(role)
+                for role, child in self._rig.children.items()
+                if outcome == "tripped" and child.failed and role not in self._done
+            ]
+            self._verdict = (outcome, "; ".join([reason, *gone]))
 
     def _bring_down(self) -> dict[str, Any]:
         """End the children in order, the logger last, and return the logger's report of what it stored."""
@@ -280,10 +288,11 @@ class Supervision:
         elif self._verdict:
             for child in children.values():
                 child.terminate()
-        for role, extra_s in (("driver", self._rig.stop_time_s), ("controller", 0.0)):
-            children[role].end(
-                extra_s + (STOP_TIMEOUT_S if self._verdict else TERM_TIMEOUT_S), extra_s + TERM_TIMEOUT_S, self._listen
-            )
+        stop_s, patience_s = self._rig.stop_time_s, STOP_TIMEOUT_S if self._verdict else TERM_TIMEOUT_S
+        children["driver"].wait(stop_s + patience_s, self._listen)
+        # Before the driver is forced: it may be waiting on a link that a stopped controller does not read.
+        children["controller"].end(0.0 if self._verdict else patience_s, enough=self._listen)
+        children["driver"].end(stop_s, stop_s + TERM_TIMEOUT_S, self._listen)
         children["logger"].end(
             STOP_TIMEOUT_S if self._verdict else WRITE_TIMEOUT_S,
             WRITE_TIMEOUT_S if self._begun else STOP_TIMEOUT_S,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from threading import Event, Thread
 
 from hilrig.core.errors import Tripped
@@ -68,8 +69,9 @@ class Watchdog:
     the loop waits for something that was not to make it wait. It cannot help while the plant's own code is running.
     """
 
-    def __init__(self, node: DriverNode, limit_s: float) -> None:
-        self._node, self._limit_s = node, limit_s
+    def __init__(self, node: DriverNode, limit_s: float, tell: Callable[[str], None]) -> None:
+        """`tell` is told why the plant was held."""
+        self._node, self._limit_s, self._tell = node, limit_s, tell
         self._over, self._seen = Event(), 0
         self.bitten_ns = 0
         """How long the loop had been away when the plant was held, ns; 0 if it was not. Latched"""
@@ -100,4 +102,5 @@ class Watchdog:
             if away > self._limit_s * 1e9 and not self._node.busy:
                 self.bitten_ns = away
                 self._node.hold()
+                self._tell(self.why())
                 return

@@ -86,7 +86,7 @@ def _run_all(loaded: Loaded, there: dict[str, Path], out: Path, jobs: int, overr
     for name, trials in planned.items():
         experiment = loaded.experiments[name]
         options = Options(out, ["hilrig", *sys.argv[1:]], overrides, in_process=True, jobs=jobs, stop=stop)
-        with Display(len(trials)) as display:
+        with Display(len(trials)) as display, stop.trials():
             made[name], outcomes = execute(experiment, trials, assessed[name], loaded.sources[name], options, display)
         if stop.is_set():
             raise typer.Exit(130)

@@ -73,13 +73,14 @@ def run(
 
     from hilrig.rig.execution import Options, execute
 
-    options = Options(out, ["hilrig", *sys.argv[1:]], overrides, in_process, jobs, fail_fast, interruptible())
-    with listener(len(trials), watch) as display:
+    stop = interruptible()
+    options = Options(out, ["hilrig", *sys.argv[1:]], overrides, in_process, jobs, fail_fast, stop)
+    with listener(len(trials), watch) as display, stop.trials():
         directory, outcomes = execute(loaded, trials, assessment, experiment, options, display)
     ended_well = tell_run(directory, loaded, trials, outcomes)
     drawn = report and any(outcome.completed for outcome in outcomes)
     met = tell_results(directory, None, drawn, junit) if drawn or junit or loaded.expect else True
-    if options.stop.is_set():
+    if stop.is_set():
         raise typer.Exit(130)
     if not ended_well or not met:
         raise typer.Exit(1)

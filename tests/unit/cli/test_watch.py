@@ -157,8 +157,8 @@ def run_directory(out: Path, name: str) -> Path:
 def test_live_json_is_there_while_the_run_goes_on(tmp_path: Path) -> None:
     run = run_directory(tmp_path, "one")
     with Live(run, ON_BUS) as live:
-        live.begin("a.b.0", "unixsock-stream//x/l.sock", [1])
-        live.begin("a.b.1", "unixsock-stream//y/l.sock", [0])
+        live.begin("a.b.0", "unixsock-stream//x/l.sock", [1], b"12345678")
+        live.begin("a.b.1", "unixsock-stream//y/l.sock", [0], b"\0" * 8)
         live.end("a.b.0")
         found = read_live(run)
         assert found is not None

@@ -37,12 +37,14 @@ def test_what_is_written_by_field_is_the_message(name: str, data: st.DataObject,
 @given(data=st.data())
 def test_a_message_that_is_read_is_in_the_fields(name: str, data: st.DataObject) -> None:
     codec, values = data.draw(messages(name))
-    batch = RecordBatch(codec, 3)
-    batch.read(1, codec.pack(values))
+    batch = RecordBatch(codec, 3, b"lead" * 3)
+    batch.read(1, b"LEAD" * 3 + codec.pack(values))
+    assert batch.framed(1) == b"LEAD" * 3 + codec.pack(values)
+    assert batch.framed(0) == b"lead" * 3 + codec.zero()
     for field, value in zip(batch.fields, values, strict=True):
         np.testing.assert_array_equal(field[1], value)
         assert not field[[0, 2]].any()
-    for wrong in (codec.pack(values)[:-1], codec.pack(values) + b"\0"):
+    for wrong in (codec.pack(values), b"lead" * 3 + codec.pack(values) + b"\0"):
         with pytest.raises(ValueError, match=f"{name}: a message of {len(wrong)} bytes, expected {codec.size}"):
             batch.read(1, wrong)
     assert batch.message(1) == codec.pack(values)
@@ -52,7 +54,7 @@ def test_a_message_that_is_read_is_in_the_fields(name: str, data: st.DataObject)
 @given(data=st.data())
 def test_every_field_is_aligned(name: str, data: st.DataObject) -> None:
     codec, _ = data.draw(messages(name))
-    batch = RecordBatch(codec, 3)
+    batch = RecordBatch(codec, 3, bytes(data.draw(st.sampled_from([4, 12]))))
     for field in batch.fields:
         assert field.flags.aligned
         assert field.strides[0] % WORD == 0
@@ -127,5 +129,6 @@ def test_every_channel_has_a_layout_of_one_size(joints: int, axes: int, sizes: l
     assert found["truth"].size == size(2, joints, joints, axes, axes, 6) + 8
     assert found["command"].size == size(2, joints, joints)
     assert found["internals"].size == size(2, *[axes] * 7) + 8 * sum(sizes)
-    assert found["driver_timing"].size == size(9)
+    assert found["stages"].size == size(3, joints, 6, joints, joints) + 16
+    assert found["driver_timing"].size == size(11)
     assert found["controller_timing"].size == size(7)

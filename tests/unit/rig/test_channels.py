@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -28,12 +30,14 @@ def unpacked(packets: list[bytes]) -> tuple[dict[str, bytes], dict[str, int]]:
     """Return the messages of each channel, one behind the other, and what the sender said of their number."""
     messages, counts = dict.fromkeys(NAMES, b""), {}
     for packet in packets:
-        for name, payloads, count in unpack_batches(packet):
-            if count is None:
-                assert name not in counts, "a message behind the end of its channel"
-                messages[name] += payloads.tobytes()
+        for part in unpack_batches(packet):
+            if part.refused is not None:
+                continue
+            if part.total is None:
+                assert part.channel not in counts, "a message behind the end of its channel"
+                messages[part.channel] += part.payloads.tobytes()
             else:
-                counts[name] = count
+                counts[part.channel] = part.total
     return messages, counts
 
 
@@ -46,7 +50,7 @@ def test_what_was_written_arrives_in_order_with_its_counts(ticks: int, every: in
     written = [name for name in DRIVER_CHANNELS if truthful or name != "truth"]
     row = 0
     for tick in range(ticks):
-        stamps = (tick, *range(tick, tick + 8))
+        stamps = (tick, *range(tick, tick + 10))
         record.stamps.append(stamps)
         sent["driver_timing"] += CODECS["driver_timing"].pack(stamps)
         for name in written[:-1]:
@@ -92,6 +96,20 @@ def test_no_packet_is_larger_than_the_bus_takes(size: int) -> None:
     record.ship()
     assert len(packets[0]) < 65_000
     assert unpacked(packets)[0]["internals"] == record.batches["internals"].payloads.tobytes()
+
+
+def test_the_end_says_what_was_refused() -> None:
+    packets: list[bytes] = []
+    RecordSender(packets.append, CODECS, DRIVER_CHANNELS).end({"command": {"old": 3}})
+    refused = [part.refused for packet in packets for part in unpack_batches(packet) if part.refused is not None]
+    assert refused == [{"command": {"old": 3}}]
+
+
+@given(st.binary(max_size=200))
+def test_what_is_no_packet_is_refused_or_read_as_one(packet: bytes) -> None:
+    """Nothing but ValueError comes of it."""
+    with suppress(ValueError):
+        unpack_batches(packet)
 
 
 def test_a_law_that_remembers_too_much_is_told_the_limit() -> None:

@@ -27,6 +27,7 @@ from hilrig.kinds.disturbances.stall import Stall
 from hilrig.recording.fault_log import InjectedFault, add_faults, read_faults
 from hilrig.rig.faults import Injector
 from hilrig.rig.faulty_outbox import FaultyOutbox
+from hilrig.rig.frames import LEAD_BYTES
 from hilrig.rig.stopping import Stopper
 
 
@@ -186,6 +187,7 @@ class Sent:
     """A stand-in for an outbox that keeps what was sent, and when."""
 
     def __init__(self) -> None:
+        self.lead = b"lead"
         self.payloads: list[bytes] = []
         self.times: list[int] = []
 
@@ -198,7 +200,7 @@ class Sent:
 
 
 def message(tick: int) -> bytes:
-    return b"head" + tick.to_bytes(8, "little") + b"body"
+    return bytes(LEAD_BYTES) + b"head" + tick.to_bytes(8, "little") + b"body"
 
 
 def test_a_delayed_message_delays_those_behind_it_and_none_is_lost_or_changed() -> None:

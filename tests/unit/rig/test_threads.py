@@ -14,10 +14,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hilrig.recording.messages.codec import CDR_HEADER
 from hilrig.rig import background_sender
 from hilrig.rig.background_sender import BackgroundSender
 from hilrig.rig.command_receiver import BlockingCommandReceiver, CommandReceiver
+from hilrig.rig.frames import LEAD_BYTES, TickScreen
 
+LEAD = bytes(range(LEAD_BYTES))
 STOPPED = """
 import sys, time
 from hilrig.rig.resume_monitor import ResumeMonitor
@@ -51,29 +54,42 @@ def within(seconds: float, wanted: Any) -> bool:
     return wanted()
 
 
+def screen() -> TickScreen:
+    """Return a screen that lets the commands of all ticks through, in order."""
+    made = TickScreen(LEAD, 12)
+    made.newest = 1000
+    return made
+
+
+def command(tick: int) -> bytes:
+    return LEAD + CDR_HEADER + tick.to_bytes(8, "little")
+
+
 def test_in_lockstep_commands_are_taken_in_order() -> None:
+    """What is none is passed over."""
     box: Any = Box()
-    for message in (b"one", b"two", b""):
+    for message in (command(0), b"", command(0), command(1), LEAD):
         box.messages.put(message)
-    waiting, before = BlockingCommandReceiver(box), time.monotonic_ns()
+    waiting, before = BlockingCommandReceiver(box, screen(), lambda wait: wait()), time.monotonic_ns()
     taken = [waiting.take() for _ in range(3)]
-    assert [message for _, message in taken] == [b"one", b"two", b""]
+    assert [message for _, message in taken] == [command(0), command(1), b""]
     stamps = [before, *(moment for moment, _ in taken), time.monotonic_ns()]
     assert stamps == sorted(stamps)
 
 
 def test_commands_are_stamped_when_they_arrive_not_when_they_are_taken() -> None:
     box: Any = Box()
-    receiver, taken, spans = CommandReceiver(box), [], []
+    receiver, taken, spans = CommandReceiver(box, screen()), [], []
     assert receiver.take() is None, "nothing has arrived, and the call does not wait"
-    for message in (b"one", b"two", b""):
+    for message in (command(0), command(1), LEAD):
         before = time.monotonic_ns()
+        box.messages.put(b"no command")
         box.messages.put(message)
         assert within(20.0, lambda: len(receiver._arrived) > len(spans))  # pyright: ignore[reportPrivateUsage]
         spans.append((before, time.monotonic_ns()))
     while (arrival := receiver.take()) is not None:
         taken.append(arrival)
-    assert [message for _, message in taken] == [b"one", b"two", b""]
+    assert [message for _, message in taken] == [command(0), command(1), b""]
     for (moment, _), (before, after) in zip(taken, spans, strict=True):
         assert before <= moment <= after
 
@@ -86,7 +102,7 @@ def test_a_closed_bus_ends_the_commands() -> None:
             raise RuntimeError("channel is empty and closed")
 
     box: Any = Closed()
-    receiver = CommandReceiver(box)
+    receiver = CommandReceiver(box, screen())
     assert within(20.0, lambda: bool(receiver._arrived))  # pyright: ignore[reportPrivateUsage]
     arrival = receiver.take()
     assert arrival is not None

@@ -12,7 +12,7 @@ from hilrig.recording.messages.codec import Codec, definition
 from hilrig.recording.messages.layouts import definitions
 from hilrig.recording.messages.record_batch import RecordBatch
 from hilrig.rig import view_maker
-from hilrig.rig.view import CHANNEL, View, read_view
+from hilrig.rig.view import ASKING, CHANNEL, WATCHER, View, read_view
 from hilrig.rig.view_maker import ViewMaker, Views
 
 MEMORY = {"gains": 3}
@@ -174,13 +174,17 @@ class Key:
         assert (channel, blocking) == (CHANNEL, False)
         return self
 
-    def inbox(self, channel: str, *, latest_only: bool) -> Key:
-        assert latest_only
+    def tick_inbox(self, channel: str) -> Key:
+        assert channel == ASKING
         return self
+
+    def lead(self, channel: str, sender: str) -> bytes:
+        assert (channel, sender) == (ASKING, WATCHER)
+        return b"lead"
 
     def poll(self) -> bytes | None:
         asked, self.asked = self.asked, False
-        return b"?" if asked else None
+        return b"lead?" if asked else None
 
 
 def packet(first: int) -> dict[str, np.ndarray]:
