@@ -108,8 +108,8 @@ def _refuse_robot(experiment: Experiment) -> None:
     if not experiment.driver.capabilities.simulated:
         kind = name_of(type(experiment.driver))[1]
         raise ExperimentError(
-            f"--in-process: the plant of driver '{kind}' is not simulated, so it needs the watchdog in a process of its "
-            "own; run it without --in-process"
+            f"--in-process: the plant of driver '{kind}' is not simulated, so it needs a watchdog in a process of its own; "
+            "run it without --in-process"
         )
 
 

@@ -16,7 +16,7 @@ from helpers.real_rig import LONG, end_of, faulty, rig_processes
 from hilrig.recording.bag import read_bag
 
 WHOLE = ["connect", "prepare", "approach", "retract", "hold", "close"]
-SAFE = "safety: {command_age: 0.5 s}\n"
+SAFE = "safety: {command_age: 3 s}\n"
 """Longer than a loaded machine delays the loop"""
 TRACE = ("connect", "hold", "close")
 
@@ -75,7 +75,7 @@ def test_a_whole_life(hilrig, robot, tmp_path: Path) -> None:
     ],
 )
 def test_whatever_a_law_does_the_plant_is_held(hilrig, robot, tmp_path: Path, step: str, words: str) -> None:
-    done = hilrig("run", robot(duration=5.0, controllers=faulty(tmp_path, step)), "--no-report")
+    done = hilrig("run", robot(duration=LONG, controllers=faulty(tmp_path, step)), "--no-report")
     assert done.returncode == 1
     once_held_then_closed(tmp_path)
     outcome = outcome_of(tmp_path)
@@ -159,7 +159,7 @@ def test_an_arm_that_is_not_at_the_start_is_refused_with_both_values(hilrig, rob
 
 def test_a_stage_that_does_not_end_times_out(hilrig, robot, tmp_path: Path) -> None:
     endless = "while True: yield Progress('pushing', 1.2, 3.5, 'N')"
-    more = "safety: {command_age: 0.5 s, approach_timeout: 0.3 s}\n"
+    more = "safety: {command_age: 3 s, approach_timeout: 0.3 s}\n"
     assert hilrig("run", robot(approach=endless, more=more), "--no-report").returncode == 1
     outcome = outcome_of(tmp_path)
     assert outcome["outcome"] == "timed_out"
