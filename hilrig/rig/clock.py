@@ -11,7 +11,7 @@ TIMER_ABSTIME = 1
 NANOSECONDS = 1_000_000_000
 PROGRESS_NS = 100_000_000
 """Time between two progress reports, and between two checks of whether to stop, ns"""
-PULL = 0.05
+PULL = 0.15
 """Share of a sample's deviation by which the expected times of the next ones follow it"""
 PATIENCE = 0.5
 """Fraction of a period after its expected time from which a sample counts as missing"""

@@ -108,7 +108,7 @@ def _refuse_robot(experiment: Experiment) -> None:
     if not experiment.driver.capabilities.simulated:
         kind = name_of(type(experiment.driver))[1]
         raise ExperimentError(
-            f"--in-process: the plant of driver '{kind}' is not simulated, so it needs a watchdog in a process of its own; "
+            f"--in-process: the plant of driver '{kind}' is not simulated, so it needs a watchdog in another process; "
             "run it without --in-process"
         )
 

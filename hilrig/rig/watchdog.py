@@ -11,7 +11,7 @@ from hilrig.experiment.trial import Trial
 from hilrig.loop.driver_node import DriverNode
 
 REMEMBERED = 1024
-"""Ticks whose time is kept, to tell the age of the command that answers them"""
+"""Ticks whose time is kept until a command answers them"""
 
 
 class CommandAge:
@@ -19,12 +19,13 @@ class CommandAge:
 
     def __init__(self, trial: Trial) -> None:
         limits, delay = trial.limits, trial.actuation_delay
-        self._period = trial.period
+        self._period, self._period_ns = trial.period, trial.period * 1e9
         self.limit_s = limits.command_age_limit(trial.period, delay)
         self.sample_limit_s = limits.sample_age_limit(trial.period, delay)
         self._limit_ns, self._sample_limit_ns = round(self.limit_s * 1e9), round(self.sample_limit_s * 1e9)
         self._began = [0] * REMEMBERED
-        self._first = self._sampled = 0
+        self._first = self._sampled = self._measured = 0
+        self._acting = -1
         self.last_s: float | None = None
         """Age of the command in effect when it was checked last, s"""
 
@@ -41,8 +42,13 @@ class CommandAge:
 
     def check(self, tick: int, acting: int, now: int, fresh: bool) -> None:
         """Raise Tripped if the command of tick `acting` or the newest sample is too old."""
-        measured = self._first if acting < 0 else self._began[acting % REMEMBERED]
-        age = now - measured
+        if acting != self._acting:
+            self._acting = acting
+            known = tick - acting < REMEMBERED
+            self._measured = (
+                self._began[acting % REMEMBERED] if known else now - round((tick - acting) * self._period_ns)
+            )
+        age = now - (self._measured or self._first)
         self.last_s = age * 1e-9
         if age > self._limit_ns:
             what = "no command has come" if acting < 0 else f"the last command, of tick {acting}, is too old"

@@ -17,6 +17,7 @@ name: {name}
 question: Does the rig work?
 clock: {clock}
 timing: {budget}
+{safety}
 driver:
   kind: {driver}
   robot: {{kind: planar_2r, lengths: [0.345 m, 0.2 m], masses: [1.8 kg, 1.1 kg], gravity: [-9.81, 0]}}
@@ -38,6 +39,8 @@ controllers:
 """
 
 
+PATIENT = "safety: {command_age: 10 s}"
+"""A watchdog that the standstills of a busy machine do not wake"""
 ANY = "{late_fraction: 100 %, command_age_p99: 100 s}"
 """A timing budget that every trial keeps, however busy the machine is"""
 
@@ -54,6 +57,7 @@ def _compiled_kernels(tmp_path_factory: pytest.TempPathFactory) -> None:
         controllers="pd: {kind: pd}",
         more="",
         budget=ANY,
+        safety=PATIENT,
     )
     (folder / "first.yaml").write_text(text)
     command = [sys.executable, "-m", "hilrig", "run", "first.yaml", "--in-process", "--no-report"]
@@ -73,7 +77,7 @@ def experiment(tmp_path: Path) -> Callable[..., Path]:
 
     def write(
         *, name: str = "small", clock: str = "lockstep", driver: str = "two_link", duration: float = 0.5,
-        controllers: str = "pd: {kind: pd}", more: str = "", budget: str = ANY,
+        controllers: str = "pd: {kind: pd}", more: str = "", budget: str = ANY, safety: str = PATIENT,
     ) -> Path:  # fmt: skip
         path = tmp_path / f"{name}.yaml"
         path.write_text(
@@ -85,6 +89,7 @@ def experiment(tmp_path: Path) -> Callable[..., Path]:
                 controllers=controllers,
                 more=more,
                 budget=budget,
+                safety=safety,
             )
         )
         return path

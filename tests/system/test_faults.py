@@ -37,13 +37,14 @@ def test_every_fault_happens_at_its_tick_and_makes_ticks_late(hilrig, experiment
     assert done.returncode == 0, done.stderr
     (trial,) = (only_run(tmp_path) / "trials").iterdir()
     faults = read_faults(trial)
-    # In real time a controller that the machine held up skips ticks, and what was to be done to it there is not done.
-    assert {fault.tick for fault in faults} >= {100, 200, 600, 800}
+    # In real time a process that the machine held up leaves ticks out, and what was to be done to it there is not done.
+    assert len(faults) >= 5
     assert all(KINDS[fault.tick] == fault.kind for fault in faults)
     bag = read_bag(trial / "bag.mcap", ("driver_timing", "controller_timing"))
     driver, controller = bag["driver_timing"], bag["controller_timing"]
     published = dict(zip(driver["tick"].tolist(), driver["published"].tolist(), strict=True))
     applied = dict(zip(driver["tick"].tolist(), driver["applied"].tolist(), strict=True))
+    acting = dict(zip(driver["tick"].tolist(), driver["command"].tolist(), strict=True))
     woke = dict(zip(driver["tick"].tolist(), driver["woke"].tolist(), strict=True))
     received = dict(zip(controller["tick"].tolist(), controller["received"].tolist(), strict=True))
     computed = dict(zip(controller["tick"].tolist(), controller["computed"].tolist(), strict=True))
@@ -59,8 +60,9 @@ def test_every_fault_happens_at_its_tick_and_makes_ticks_late(hilrig, experiment
             assert tick not in received
         # Late is a period whose command is older than it should be; a driver that stalls has it, but applies it late.
         # One that the machine held up applies it when the fault is over.
-        in_time = kind.endswith("_loss") or applied[tick + 1] < end
-        assert kind.startswith("driver") or not in_time or driver["command"][tick + 1] < tick, kind
+        after = next(done for done in sorted(applied) if done > tick)
+        in_time = kind.endswith("_loss") or applied[after] < end
+        assert kind.startswith("driver") or not in_time or acting[after] < after - 1, kind
     assert json.loads((trial / "timing.json").read_text())["late"] >= 10, "five stalls of 3 ms alone make more"
 
 

@@ -16,7 +16,7 @@ from helpers.real_rig import LONG, end_of, faulty, rig_processes
 from hilrig.recording.bag import read_bag
 
 WHOLE = ["connect", "prepare", "approach", "retract", "hold", "close"]
-SAFE = "safety: {command_age: 3 s}\n"
+SAFE = "safety: {command_age: 3 s}"
 """Longer than a loaded machine delays the loop"""
 TRACE = ("connect", "hold", "close")
 
@@ -25,10 +25,10 @@ TRACE = ("connect", "hold", "close")
 def robot(experiment: Callable[..., Path], tmp_path: Path) -> Callable[..., Path]:
     """Write an experiment on a plant that is not simulated and return its path."""
 
-    def write(duration: float = 0.3, controllers: str = "pd: {kind: pd}", more: str = SAFE, **steps: str) -> Path:
+    def write(duration: float = 0.3, controllers: str = "pd: {kind: pd}", safety: str = SAFE, **steps: str) -> Path:
         off = float(steps.pop("off", "0"))
         kind = counting_driver(tmp_path, off, **steps)
-        path = experiment(clock="realtime", driver=kind, duration=duration, controllers=controllers, more=more)
+        path = experiment(clock="realtime", driver=kind, duration=duration, controllers=controllers, safety=safety)
         text = path.read_text().replace(
             "  surface: {position: 0.35 m, stiffness: 800 N/m, damping: 20 N*s/m, friction: 0.2}\n", ""
         )
@@ -159,8 +159,8 @@ def test_an_arm_that_is_not_at_the_start_is_refused_with_both_values(hilrig, rob
 
 def test_a_stage_that_does_not_end_times_out(hilrig, robot, tmp_path: Path) -> None:
     endless = "while True: yield Progress('pushing', 1.2, 3.5, 'N')"
-    more = "safety: {command_age: 3 s, approach_timeout: 0.3 s}\n"
-    assert hilrig("run", robot(approach=endless, more=more), "--no-report").returncode == 1
+    safety = "safety: {command_age: 3 s, approach_timeout: 0.3 s}"
+    assert hilrig("run", robot(approach=endless, safety=safety), "--no-report").returncode == 1
     outcome = outcome_of(tmp_path)
     assert outcome["outcome"] == "timed_out"
     assert outcome["reason"] == "approach took more than 0.3 s (safety.approach_timeout): pushing, 1.2 N of 3.5 N"
