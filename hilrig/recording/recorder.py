@@ -94,6 +94,10 @@ class Recorder:
         """Note how many messages the sender has sent."""
         self._accounts[name].sent = count
 
+    def ended(self, name: str) -> bool:
+        """Return whether the sender of a channel gave its count, which it does at its proper end."""
+        return self._accounts[name].sent is not None
+
     def note_refused(self, refused: Mapping[str, Mapping[str, int]]) -> None:
         """Add messages that a sender received and refused, channel -> reason -> number."""
         for channel, reasons in refused.items():

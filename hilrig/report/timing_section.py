@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +30,8 @@ class TimingRow:
     speed: float | None
     """Simulated time over wall time"""
     late: int | None
+    missed: int | None
+    """Those of them that were left out"""
     late_fraction: float | None
     late_by: Mapping[str, int] | None
     """Number of late ticks by cause"""
@@ -58,6 +60,27 @@ class SetupRow:
 
 
 @dataclass(frozen=True)
+class SamplesRow:
+    """The samples of one trial's plant."""
+
+    trial: str
+    fresh: int
+    repeated: int
+    jitter: Mapping[str, float] | None
+    """p50, p99, p99.9 and max, us"""
+
+
+@dataclass(frozen=True)
+class RefusedRow:
+    """Messages of one trial that were refused."""
+
+    trial: str
+    channel: str
+    reason: str
+    number: int
+
+
+@dataclass(frozen=True)
 class TimingSection:
     """What the section shows."""
 
@@ -72,6 +95,9 @@ class TimingSection:
     """Whether driver and controller had different clocks in any trial"""
     unstamped: list[str]
     """Trials with ticks but without time stamps, because they ran in a compiled loop"""
+    samples: list[SamplesRow]
+    """Of plants with a clock of their own"""
+    refused: list[RefusedRow]
 
 
 def timing_section(run: RunData) -> TimingSection:
@@ -87,7 +113,22 @@ def timing_section(run: RunData) -> TimingSection:
         _budgets(run.trials) if realtime else "",
         two_clocks,
         [row.trial for row in rows if row.ticks and not any(row.times.values())],
+        list(_samples(run.trials)),
+        list(_refused(run.trials)),
     )
+
+
+def _samples(trials: Sequence[TrialEntry]) -> Iterator[SamplesRow]:
+    for trial in trials:
+        if found := trial.timing.get("samples"):
+            yield SamplesRow(trial.id, found["fresh"], found["repeated"], found["jitter_us"])
+
+
+def _refused(trials: Sequence[TrialEntry]) -> Iterator[RefusedRow]:
+    for trial in trials:
+        for channel, reasons in trial.timing.get("refused", {}).items():
+            for reason, number in reasons.items():
+                yield RefusedRow(trial.id, channel, reason, number)
 
 
 def _shown(realtime: bool, two_clocks: bool) -> list[str]:
@@ -102,6 +143,7 @@ def _row(trial: TrialEntry) -> TimingRow:
     outcome, timing = trial.outcome, trial.timing
     return TimingRow(
         trial.id, trial.ending, outcome.get("ticks"), outcome.get("speed"), timing.get("late"),
+        timing.get("missed"),
         timing.get("late_fraction"), timing.get("late_by"), {name: timing.get(f"{name}_us") for name in TIMES},
         messages_lost(outcome), timing.get("valid"), timing.get("invalid_because", ()),
     )  # fmt: skip

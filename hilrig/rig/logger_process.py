@@ -33,7 +33,14 @@ def work(child: Child) -> None:
         budget = TimingBudget(**trial["timing"])
         refused = {**recorder.refused, "record": packets.refused}
         refused["order"] = added(refused.get("order", {}), child.refused_orders)
-        timing = certify(terms_of(trial), budget, recorder.timing(), order["setup"], refused=refused)
+        timing = certify(
+            terms_of(trial),
+            budget,
+            recorder.timing(),
+            order["setup"],
+            refused=refused,
+            answered_to_the_end=recorder.ended("controller_timing"),
+        )
         write_json(directory / "timing.json", timing)
         summary = recorder.summary()
     child.tell("done", channels=summary)

@@ -53,6 +53,7 @@ class ViewMaker:
         self._simulated: bool | None = None
         self._began: float | None = None
         self._late, self._timed, self._lateness_s = 0, 0, 0.0
+        self._last_timed = -1
 
     def note(self, channel: str, payloads: Messages) -> None:
         """Add the latest messages of a channel."""
@@ -72,7 +73,11 @@ class ViewMaker:
             timing, terms = DRIVER_TIMING.table(payloads), self._terms
             tick, command, due, applied = (timing[name] for name in ("tick", "command", "due", "applied"))
             late = is_late(tick, command, due, applied, terms.actuation_delay, terms.period_ns)
-            self._late += int(np.count_nonzero(late))
+            # A tick that was left out is late too.
+            missed = int(tick[-1]) - self._last_timed - tick.size
+            self._last_timed = int(tick[-1])
+            self._timed += missed
+            self._late += int(np.count_nonzero(late)) + missed
             self._lateness_s = max(self._lateness_s, float((timing["woke"] - timing["due"]).max()) / 1e9)
 
     def skip(self) -> None:

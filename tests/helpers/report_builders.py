@@ -83,7 +83,7 @@ def write_bag(path: Path, s: dict[str, np.ndarray], truth: bool = True) -> None:
     memory = {name: np.cumsum(np.ones((n, k)), axis=0) / n for name, k in MEMORY.items()}
     force = wrench[:, [0, 2]]
     columns = {
-        "state": (definition("State"), [joints, wrench, s["torque"]]),
+        "state": (definition("State"), [joints, wrench, s["torque"], s["time"], np.ones(n)]),
         "truth": (definition("Truth"), [joints, joints, s["position"], s["velocity"], wrench, np.full(n, 0.35)]),
         "command": (definition("Command"), [s["torque"], joints]),
         "internals": (
@@ -180,7 +180,8 @@ def in_real_time(run: Path, loops: dict[str, Loop], setup: dict | None = None, o
                 }[name]  # fmt: skip
                 write_rows(bag, name, shape, fields)
             for name, kind in zip(stamps, ("DriverTiming", "ControllerTiming"), strict=True):
-                fields = {**stamps[name], "time": stamps[name]["tick"] * PERIOD}
+                none = 0 * stamps[name]["tick"]
+                fields = {"sampled": none, "fresh": 1 + none, **stamps[name], "time": stamps[name]["tick"] * PERIOD}
                 write_rows(bag, name, definition(kind), fields)
         certificate = certify(terms_of(trial), TimingBudget(), stamps, setup, one_clock)
         (folder / "timing.json").write_text(json.dumps(certificate))

@@ -23,7 +23,7 @@ NS = 1_000_000_000
 
 
 class DriverStamps(NamedTuple):
-    """One row per tick, in order; see DriverTiming.msg."""
+    """One row per tick that was done, in order; see DriverTiming.msg. Overdue ticks are left out."""
 
     tick: Stamps
     due: Stamps
@@ -32,8 +32,6 @@ class DriverStamps(NamedTuple):
     command: Stamps
     received: Stamps
     applied: Stamps
-    sampled: Stamps
-    fresh: Stamps
     continued: Stamps
 
 
@@ -88,6 +86,12 @@ def join(driver: StampColumns | None, controller: StampColumns | None, one_clock
         np.where(took_effect, own.applied[rows], 0) if own.tick.size else own.applied,
         ControllerStamps(*(column[order] for column in other)), one_clock,
     )  # fmt: skip
+
+
+def left_out(driver: DriverStamps) -> int:
+    """Return how many ticks between the first and the last row have no row: in real time they were overdue."""
+    ticks = driver.tick
+    return int(ticks[-1] - ticks[0]) + 1 - ticks.size if ticks.size else 0
 
 
 def find(ordered: Stamps, wanted: Stamps) -> tuple[Stamps, Flags]:

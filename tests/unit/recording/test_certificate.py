@@ -248,16 +248,72 @@ def test_quantiles_are_of_the_values_and_in_microseconds() -> None:
 
 @given(st.data())
 def test_a_record_with_holes_says_less_and_breaks_nothing(data: st.DataObject) -> None:
-    """Whatever rows are lost, ticks that remain are late or not as before."""
+    """Whatever rows are lost, ticks that remain are late or not as before; those between them count as left out."""
     own, other = HOLED
     whole = late_ticks(join(own, other), REALTIME)
     kept = [np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)), dtype=bool)
             for n in (own["tick"].size, other["tick"].size)]  # fmt: skip
     cut = [{name: values[rows] for name, values in columns.items()} for columns, rows in zip(HOLED, kept, strict=True)]
     found = certify(REALTIME, BUDGET, {"driver_timing": cut[0], "controller_timing": cut[1]})
-    assert found["late"] == np.count_nonzero(whole[kept[0]]) == sum(found["late_by"].values())
+    ticks = cut[0]["tick"].astype(int)
+    missed = ticks[-1] - ticks[0] + 1 - ticks.size if ticks.size else 0
+    assert found["missed"] == missed
+    assert found["late"] == np.count_nonzero(whole[kept[0]]) + missed == sum(found["late_by"].values())
+    assert found["ticks"] == ticks.size + missed
 
 
 HOLED = Loop(
     [Stall("driver_publish", 8, 2 * MS), Stall("state_loss", 20, 0), Stall("controller_stop", 30, 3 * MS)], 40
 ).run().columns()  # fmt: skip
+
+
+def test_ticks_that_were_left_out_are_late_through_the_driver() -> None:
+    """Ticks 3 to 7 were overdue; tick 8 waits for the measurement of 7, which was never made."""
+    ticks = [0, 1, 2, 8, 9, 10]
+    own = driver(*ticks, command=[-1, 0, 1, 2, 8, 9])
+    found = certify(REALTIME, BUDGET, {"driver_timing": own, "controller_timing": controller(*ticks)})
+    assert (found["ticks"], found["missed"], found["late"]) == (11, 5, 6)
+    assert found["late_by"] == {"driver": 6, "transport": 0, "controller": 0, "unknown": 0}
+    assert found["late_fraction"] == 6 / 11
+
+
+def silent_from(tick: int, ticks: int = 30) -> dict[str, Any]:
+    """Return the stamps of a driver that gets no command after the one of `tick` - 1."""
+    return driver(*range(ticks), command=[min(k - 1, tick - 1) for k in range(ticks)])
+
+
+@pytest.mark.parametrize(("complete", "cause"), [(False, "controller"), (None, "unknown"), (True, "transport")])
+def test_a_controller_that_answers_no_more_is_the_cause_if_its_record_breaks_off(
+    complete: bool | None, cause: str
+) -> None:
+    """Killed, it leaves no count; if it left in order and was waiting, nothing had reached it."""
+    channels = {"driver_timing": silent_from(10), "controller_timing": controller(*range(10))}
+    found = certify(REALTIME, BUDGET, channels, answered_to_the_end=complete)
+    assert found["late"] == 19
+    assert found["late_by"] == {**dict.fromkeys(("driver", "transport", "controller", "unknown"), 0), cause: 19}
+
+
+def test_a_law_that_hangs_is_the_cause_though_its_process_left_in_order() -> None:
+    """It was ended by a signal, and noted the measurement that it had not finished."""
+    other = controller(*range(11))
+    for name in ("computed", "published"):
+        other[name][-1] = 10 * MS + 40 * MS
+    found = certify(
+        REALTIME, BUDGET, {"driver_timing": silent_from(10), "controller_timing": other}, answered_to_the_end=True
+    )
+    assert found["late_by"]["controller"] == found["late"] == 19
+
+
+def test_the_samples_of_a_plant_are_counted_and_their_jitter_is_told() -> None:
+    """At 1 ms: new samples at ticks 0, 1, 3, 4; the one of tick 3 came 300 us late, and the one of tick 2 was lost."""
+    times = np.array([0, 1000, 1000, 3300, 4000]) * MICRO + 5 * MS
+    own = driver(*range(5), sampled=times.tolist(), fresh=[1, 1, 0, 1, 1])
+    found = certify(REALTIME, BUDGET, {"driver_timing": own})["samples"]
+    assert (found["fresh"], found["repeated"]) == (4, 1)
+    assert found["jitter_us"]["max"] == 300.0
+    assert sum(count for _, count in found["jitter_histogram"]) == 3
+
+
+def test_a_simulated_plant_has_no_samples_of_its_own() -> None:
+    own = driver(*range(5), sampled=[0] * 5, fresh=[1] * 5)
+    assert certify(REALTIME, BUDGET, {"driver_timing": own})["samples"] is None

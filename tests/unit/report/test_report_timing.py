@@ -61,6 +61,7 @@ def test_late_ticks_are_listed_by_cause(reported: tuple[Path, str, dict]) -> Non
         "completed",
         "1000",
         "3",
+        "0",
         "0.300",
         "0",
         "3",

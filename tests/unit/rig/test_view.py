@@ -144,6 +144,7 @@ def test_late_ticks_are_counted_in_real_time_alone() -> None:
     stamps = {
         "due": due, "woke": due + np.array([0, 2_000_000, 0, 0]), "command": np.array([-1, 0, 0, 2]), "applied": due
         + np.array([0, 0, 0, 1_000_000]), "published": due, "received": due, "continued": 0 * due,
+        "sampled": 0 * due, "fresh": 1 + 0 * due,
     }  # fmt: skip
     for clock, late, lateness in (("realtime", 2, 2e-3), ("lockstep", 0, 0.0)):
         maker = ViewMaker(document(clock=clock))
