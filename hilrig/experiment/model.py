@@ -10,9 +10,10 @@ from hilrig.core.errors import Place
 from hilrig.core.interfaces import Controller, Disturbance, Driver, ReferenceSignal
 from hilrig.core.parameters import Parameter, PerAxis
 from hilrig.experiment.document import Document
+from hilrig.experiment.limits import Limits
 from hilrig.experiment.rig_settings import RigSettings
 from hilrig.experiment.schema import ByAxis, Later
-from hilrig.experiment.trial import Limits, TimingBudget
+from hilrig.experiment.timing_budget import TimingBudget
 from hilrig.kinds import registry as plugins
 
 
@@ -102,7 +103,7 @@ class Experiment:
     repeats: Annotated[int, Parameter("", "number of repeats, each with its own seed", 1, 10_000)] = 1
     seed: Annotated[int, Parameter("", "seed for everything random", 0, 2**63 - 1)] = 0
     expect: Annotated[tuple[Expectation, ...], Parameter("", "limits and outcomes that the run must meet")] = ()
-    safety: Annotated[Limits, Parameter("", "limits that end a trial")] = field(default_factory=Limits)
+    safety: Annotated[Limits, Parameter("", "safety limits")] = field(default_factory=Limits)
     rig: Annotated[RigSettings, Parameter("", "the real-time set-up")] = field(default_factory=RigSettings)
     timing: Annotated[TimingBudget, Parameter("", "timing limits of the loop in real time")] = field(
         default_factory=TimingBudget

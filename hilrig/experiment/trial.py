@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,8 +25,8 @@ from hilrig.core.interfaces import (
     Task,
     TrialStart,
 )  # fmt: skip
-from hilrig.core.parameters import Parameter
 from hilrig.core.signals import Array, DisturbanceSchedule, Reference, State
+from hilrig.experiment.limits import Limits
 from hilrig.experiment.rig_settings import RigSettings
 from hilrig.experiment.timing_budget import TimingBudget
 from hilrig.kinds.registry import dump, restore
@@ -84,39 +84,6 @@ class PhaseSpec:
     """x_d for each position-controlled axis, m"""
     force: Mapping[str, ReferenceSignal]
     """F_d for each force-controlled axis, N"""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Safety limits that end a trial."""
-
-    tip_force: Annotated[float, Parameter("N", "largest force at the tip", 1e-3, 1e5)] = 200.0
-    joint_velocity: Annotated[float, Parameter("rad/s", "largest joint velocity", 1e-3, 1e3)] = 20.0
-    command_age: Annotated[
-        float | None,
-        Parameter(
-            "s", "age of the command in effect at which the plant is held; default: 20 ms, or 5 periods if more",
-            1e-4, 10, "log",
-        ),
-    ] = None  # fmt: skip
-    sample_age: Annotated[
-        float | None,
-        Parameter("s", "age of the newest sample at which the plant is held; default: as command_age", 1e-4, 10, "log"),
-    ] = None
-    start_tolerance: Annotated[
-        float, Parameter("rad", "how far each joint may be from the start when the trial starts", 1e-6, 10)
-    ] = 0.02
-    prepare_timeout: Annotated[float, Parameter("s", "how long the plant may take to prepare", 0.1, 3600)] = 60.0
-    approach_timeout: Annotated[float, Parameter("s", "how long it may take to reach contact", 0.1, 3600)] = 30.0
-    retract_timeout: Annotated[float, Parameter("s", "how long it may take to retract", 0.1, 3600)] = 30.0
-
-    def command_age_limit(self, period: float, actuation_delay: int) -> float:
-        """Return the age at which the plant is held, s: as given, or max(20 ms, (d + 4) l)."""
-        return max(0.02, (actuation_delay + 4) * period) if self.command_age is None else self.command_age
-
-    def sample_age_limit(self, period: float, actuation_delay: int) -> float:
-        """Return the age of a sample at which the plant is held, s."""
-        return self.command_age_limit(period, actuation_delay) if self.sample_age is None else self.sample_age
 
 
 @dataclass(frozen=True)
@@ -199,7 +166,7 @@ class Trial:
             task=TaskSpec.from_document(document["task"]),
             phases=tuple(_phase(item) for item in document["phases"]),
             disturbances=tuple(restore("disturbances", item) for item in document["disturbances"]),
-            limits=Limits(**document["limits"]),
+            limits=Limits.from_document(document["limits"]),
             start_position=tuple(document["start_position"]),
             rig=RigSettings(**document.get("rig", {})),  # missing in plans older than these settings
             timing=TimingBudget(**document["timing"]),

@@ -17,6 +17,7 @@ from hilrig.core.kernel_interfaces import RobotKernels
 from hilrig.core.signals import WRENCH_AXES, Array, Kinematics, Reference, State
 from hilrig.experiment.trial import Trial, references, start_joint_position
 from hilrig.kinds.actuation import position_reference
+from hilrig.loop.envelope import NOT_FINITE, Envelope, bound_torque, envelope
 from hilrig.loop.rows import ControllerRows, StateRows, put
 
 
@@ -33,8 +34,8 @@ class ControllerArrays(NamedTuple):
     """k_ref of eq. (26), N m/rad; 0 for a plant that takes torques"""
     force_index: NDArray[np.int64]
     """Indices of the task axes in a wrench, (m,)"""
-    torque_limit: Array
-    """(n,) N m"""
+    within: Envelope
+    """Of the commands"""
     call_when_stale: bool
     """Whether the law is also called where the sample is not fresh"""
     last_tick: NDArray[np.int64]
@@ -163,30 +164,22 @@ def answer(tick: int, asked: Array, memory: tuple[Array, ...], arrays: Controlle
     if asked.size != arrays.asked.size:
         return False
     put(arrays.asked, asked)
-    if not limit(arrays.torque, asked, arrays.torque_limit):
+    limited = bound_torque(arrays.torque, arrays.torque, asked, arrays.within.torque, arrays.within.torque_step)
+    if limited & (arrays.within.trips | NOT_FINITE):
         return False
+    rows.command.limited[row] = limited
     rows.command.tick[row] = tick
     rows.command.time[row] = tick * arrays.period
     for i in range(arrays.torque.size):
         q, torque = arrays.position[i], arrays.torque[i]
         rows.command.torque[row, i] = torque
         rows.command.position[row, i] = position_reference(torque, q, arrays.k_ref)
+        rows.command.asked[row, i] = arrays.asked[i]
     column = 0
     for field in memory:
         put(rows.internals.memory[row, column:], field)
         column += field.size
     rows.written[0] = row + 1
-    return True
-
-
-@kernel
-def limit(torque: Array, asked: Array, largest: Array) -> bool:
-    """Write `asked` (n,) within +- `largest` (n,) N m into `torque`, unless it is not finite; return whether it is."""
-    for i in range(asked.size):
-        if not np.isfinite(asked[i]):
-            return False
-    for i in range(asked.size):
-        torque[i] = min(max(asked[i], -largest[i]), largest[i])
     return True
 
 
@@ -232,7 +225,7 @@ def controller_arrays(trial: Trial) -> ControllerArrays:
     force_index = np.array([WRENCH_AXES.index(axis) for axis in robot.axes])
     return ControllerArrays(
         references(trial), trial.period, trial.velocity_smoothing, trial.driver.servo_gain or 0.0, force_index,
-        np.array(robot.torque_limits()), trial.task.on_stale_sample == "call", np.zeros(2, np.int64),
+        envelope(trial), trial.task.on_stale_sample == "call", np.zeros(2, np.int64),
         np.full(1, np.nan), start.copy(), np.zeros(n), np.zeros(n), seen, at,
         Reference(*(np.zeros(m) for _ in Reference._fields)), np.zeros(n), np.zeros(1, np.int64),
     )  # fmt: skip

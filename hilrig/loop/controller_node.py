@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from hilrig.core.compiler import assembled
 from hilrig.core.errors import HilrigError, Tripped
 from hilrig.core.interfaces import Law
@@ -78,5 +80,10 @@ class ControllerNode:
         size = int(self.arrays.asked_size[0])
         if size != self.arrays.asked.size:
             return wrong_torque((size,), self.trial)
-        name = self.trial.controller_name
+        name, asked = self.trial.controller_name, self.arrays.asked
+        if np.isfinite(asked).all():
+            return Tripped(
+                f"tick {tick}: the torque of controller '{name}' is beyond a limit that ends the trial "
+                f"(safety.trip_on: {', '.join(self.trial.limits.trip_on)}): {asked} N m"
+            )
         return Tripped(f"tick {tick}: the torque of controller '{name}' is not finite: {self.arrays.asked}")

@@ -10,10 +10,11 @@ from hilrig.core.errors import PluginError, RigError, Tripped, raised
 from hilrig.core.interfaces import Plant, Progress
 from hilrig.core.signals import Array, Command, PlantDisturbance, plant_disturbance
 from hilrig.experiment.trial import Trial, trial_start
+from hilrig.loop.envelope import bound, why_bounded
 from hilrig.loop.measure import DriverArrays, driver_arrays, driver_ticks
 from hilrig.loop.plain_parts import plant_kernels, take, take_measurement
 from hilrig.loop.rows import DriverRows
-from hilrig.loop.safety import why_unsafe
+from hilrig.loop.safety import why_outside, why_unsafe
 
 BEFORE_TICKS = -1
 """Stands for a tick before the first one"""
@@ -80,6 +81,8 @@ class DriverNode:
         self._begun = True
         hold = Command(*(np.zeros(self.trial.driver.robot.joints) for _ in Command._fields))
         take(hold, self.plant.holding_command(), Command, f"driver {self._name}: holding_command")
+        for room, value in zip(self.arrays.applied, hold, strict=True):
+            room[:] = value
         return hold
 
     def _look(self, now: PlantDisturbance) -> None:
@@ -119,8 +122,20 @@ class DriverNode:
         """Run the period that begins at the measured tick under the acting command."""
         assert self._parts is not None, "measure() comes first"
         self.busy = True
-        next(self._parts)
+        within = next(self._parts)
         self.busy = False
+        if not within:
+            assert self._acting is not None
+            raise Tripped(self.why_refused(int(self.arrays.clock[0]), self._acting))
+
+    @property
+    def tripped(self) -> bool:
+        """Whether the last command ended the trial"""
+        return bool(self.arrays.limited[0] & self.arrays.within.trips)
+
+    def why_refused(self, tick: int, asked: Command) -> str:
+        """Return why the command at `tick` ended the trial."""
+        return why_bounded(int(self.arrays.limited[0]), tick, self.trial.period, asked, self.trial.limits)
 
     def steps(self, stage: str) -> Iterator[Progress] | None:
         """Return the plant's steps of "prepare", "approach" or "retract"; None if it does not offer them."""
@@ -133,8 +148,9 @@ class DriverNode:
         Raises Tripped beyond a safety limit, PluginError if the plant yields something else.
         """
         last = self.arrays.last_position.copy() if self._begun else None
+        if last is None:
+            self.first()
         self._look(quiet)
-        self._begun = True
         seen = self.arrays.observation.measurement
         why = why_unsafe(
             BEFORE_TICKS, seen, seen.joint_position if last is None else last, self.trial.period, self.trial.limits
@@ -154,9 +170,11 @@ class DriverNode:
         """Apply a command of a stage."""
         wanted = Command(*(np.zeros(self.trial.driver.robot.joints) for _ in Command._fields))
         take(wanted, command, Command, f"driver {self._name}: {stage}")
-        if not all(np.isfinite(part).all() for part in wanted):
-            raise Tripped(f"{stage}: the command of driver {self._name} is not finite: {wanted}")
-        self.plant.advance(wanted, quiet)
+        arrays = self.arrays
+        arrays.limited[0] = bound(wanted.torque, wanted.position, arrays.within, arrays.applied)
+        if self.tripped:
+            raise Tripped(f"{stage}: {self.why_refused(BEFORE_TICKS, wanted)}")
+        self.plant.advance(Command(*(part.copy() for part in arrays.applied)), quiet)
 
     def require_start(self, quiet: PlantDisturbance) -> None:
         """Measure, and raise RigError unless the arm is where the trial starts."""
@@ -176,8 +194,11 @@ class DriverNode:
 
     def why_unsafe(self, tick: int) -> str:
         """Return why the measurement of `tick`, the last one, ends the trial."""
-        exact, last, limits = self.arrays.observation.measurement, self.arrays.last_position, self.trial.limits
-        return why_unsafe(tick, exact, last, self.trial.period, limits)
+        arrays, period = self.arrays, self.trial.period
+        exact, tip = arrays.observation.measurement, arrays.observation.truth.position
+        return why_unsafe(tick, exact, arrays.last_position, period, self.trial.limits) or why_outside(
+            tick, exact.joint_position, tip, arrays.joint_range, arrays.tip_range, period
+        )
 
     @property
     def _name(self) -> str:

@@ -24,6 +24,7 @@ from hilrig.core.signals import (
     plant_disturbance,
 )
 from hilrig.experiment.trial import Trial, disturbance_schedule
+from hilrig.loop.envelope import Envelope, bound, envelope
 from hilrig.loop.rows import DriverRows, put
 from hilrig.loop.safety import extremes
 
@@ -32,6 +33,16 @@ class DriverArrays(NamedTuple):
     """The data around a plant during a trial. The arrays change in place."""
 
     schedule: DisturbanceSchedule
+    within: Envelope
+    """Of the commands"""
+    applied: Command
+    """What the plant received last; the command that holds it, before the first tick"""
+    limited: NDArray[np.int64]
+    """Bits of `Limited` of the last command, (1,)"""
+    joint_range: tuple[Array, Array]
+    """Lowest and highest joint positions, (n,) rad each"""
+    tip_range: Array
+    """Lowest and highest position of the tip, (m, 2) m"""
     tip_force_limit: float
     """N"""
     joint_velocity_limit: float
@@ -69,12 +80,46 @@ def note_measurement(tick: int, surface: float, arrays: DriverArrays, rows: Driv
     finite, force, step = extremes(exact.joint_position, arrays.last_position, exact.wrench)
     if not finite or force > arrays.tip_force_limit or step / arrays.period > arrays.joint_velocity_limit:
         return False
+    if out_of_range(exact.joint_position, arrays.observation.truth.position, arrays):
+        return False
     put(arrays.last_position, exact.joint_position)
     rows.state.tick[row] = rows.truth.tick[row] = tick
     rows.state.time[row] = rows.truth.time[row] = tick * arrays.period
     note_state(tick, row, arrays, rows)
     note_truth(row, surface, arrays.observation.truth, rows)
     rows.written[0] = row + 1
+    return True
+
+
+@kernel_without_arrays
+def out_of_range(q: Array, tip: Array, arrays: DriverArrays) -> bool:
+    """Return whether a joint (n,) rad, or the tip (m,) m where it is known, is outside its range."""
+    (low, high), ends = arrays.joint_range, arrays.tip_range
+    outside = False
+    for i in range(q.size):
+        outside = outside or q[i] < low[i] or q[i] > high[i]
+    for i in range(tip.size):  # nan, an unknown tip, is never outside
+        outside = outside or tip[i] < ends[i, 0] or tip[i] > ends[i, 1]
+    return outside
+
+
+@kernel_without_arrays
+def apply(tick: int, torque: Array, position: Array, arrays: DriverArrays, rows: DriverRows) -> bool:
+    """Bring a command within the envelope, into `arrays.applied`; record it if that changed it.
+
+    Returns False if it ends the trial.
+    """
+    bits = bound(torque, position, arrays.within, arrays.applied)
+    arrays.limited[0] = bits
+    if bits & arrays.within.trips:
+        return False
+    if bits:
+        row, applied = rows.changed[0], rows.applied
+        applied.tick[row], applied.time[row] = tick, tick * arrays.period
+        put(applied.torque[row], arrays.applied.torque)
+        put(applied.position[row], arrays.applied.position)
+        applied.limited[row] = bits
+        rows.changed[0] = row + 1
     return True
 
 
@@ -115,7 +160,8 @@ def note_truth(row: int, surface: float, exact: Truth, rows: DriverRows) -> None
 def driver_template(
     plant: Any, state: Array, arrays: DriverArrays, rows: DriverRows, acting: Command
 ) -> Iterator[bool]:
-    """Do one tick after the other, each in two parts: measure at the tick of `clock`, then advance under `acting`.
+    """Do one tick after the other, each in two parts: measure at the tick of `clock`, then advance under `acting`,
+    brought within the envelope.
 
     Yields after each part whether it is safe to continue. Each tick is in the next row; after the last row comes the
     first again. A simulated plant goes on under the command that was in effect while ticks were left out.
@@ -125,11 +171,14 @@ def driver_template(
         tick = arrays.clock[0]
         for left_out in range(tick - arrays.clock[1], tick):
             now = plant_disturbance(arrays.schedule, left_out)
-            plant_advance(plant, state, now, acting.torque, acting.position)
+            plant_advance(plant, state, now, arrays.applied.torque, arrays.applied.position)
         rows.written[0] = row
         yield measure(tick, plant, state, arrays, rows)
-        plant_advance(plant, state, plant_disturbance(arrays.schedule, tick), acting.torque, acting.position)
-        yield True
+        within = apply(tick, acting.torque, acting.position, arrays, rows)
+        if within:
+            now = plant_disturbance(arrays.schedule, tick)
+            plant_advance(plant, state, now, arrays.applied.torque, arrays.applied.position)
+        yield within
         row = (row + 1) % count
 
 
@@ -154,8 +203,14 @@ def driver_arrays(trial: Trial) -> DriverArrays:
     observation = Observation.empty(n, m)
     past = Measurement(np.zeros((depth, n)), np.zeros((depth, 6)), np.zeros((depth, n)))
     limits = trial.limits
+    low, high = limits.joint_range(trial.driver.robot)
     return DriverArrays(
         schedule,
+        envelope(trial),
+        Command(np.zeros(n), np.zeros(n)),
+        np.zeros(1, np.int64),
+        (low, high),
+        limits.tip_range(trial.axes),
         limits.tip_force,
         limits.joint_velocity,
         trial.period,

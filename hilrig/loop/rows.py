@@ -48,6 +48,18 @@ class CommandRows(NamedTuple):
     time: Array
     torque: Array
     position: Array
+    asked: Array
+    limited: NDArray[np.uint64]
+
+
+class AppliedRows(NamedTuple):
+    """The commands that the driver's envelope changed; the fields of Applied.msg."""
+
+    tick: Ticks
+    time: Array
+    torque: Array
+    position: Array
+    limited: NDArray[np.uint64]
 
 
 class InternalsRows(NamedTuple):
@@ -71,8 +83,11 @@ class DriverRows(NamedTuple):
 
     state: StateRows
     truth: TruthRows
+    applied: AppliedRows
     written: NDArray[np.int64]
-    """(1,): rows that are complete"""
+    """(1,): rows of state and truth that are complete"""
+    changed: NDArray[np.int64]
+    """(1,): rows of `applied` that are complete"""
 
 
 class ControllerRows(NamedTuple):

@@ -16,7 +16,7 @@ from hilrig.core.signals import Array, Command, PlantDisturbance, Reference, Sta
 from hilrig.loop.control import ControllerArrays, answer, since
 from hilrig.loop.controller_node import ControllerNode
 from hilrig.loop.driver_node import DriverNode
-from hilrig.loop.measure import DriverArrays, measuring
+from hilrig.loop.measure import DriverArrays, apply, measuring
 from hilrig.loop.rows import ControllerRows, DriverRows, put
 from hilrig.loop.ticks import Ending
 
@@ -69,8 +69,10 @@ def act_template(
     slot, due = tick % slots, (tick - arrays.delay) % slots
     put(arrays.commands.torque[slot], rows.controller.command.torque[row])
     put(arrays.commands.position[slot], rows.controller.command.position[row])
+    if not apply(tick, arrays.commands.torque[due], arrays.commands.position[due], arrays.driver, rows.driver):
+        return False
     now = plant_disturbance(arrays.driver.schedule, tick)
-    plant_advance(plant, state, now, arrays.commands.torque[due], arrays.commands.position[due])
+    plant_advance(plant, state, now, arrays.driver.applied.torque, arrays.driver.applied.position)
     return True
 
 
@@ -104,9 +106,8 @@ class WholeTrial:
         This takes a first measurement into `rows`, which changes nothing: the first tick measures again.
         """
         driver, controller = self._driver, self._controller
-        commands = Command(
-            *(np.repeat(part[None, :], self._trial.actuation_delay + 1, axis=0) for part in driver.first())
-        )
+        held = driver.first()
+        commands = Command(*(np.repeat(part[None, :], self._trial.actuation_delay + 1, axis=0) for part in held))
         self._arrays = TrialArrays(driver.arrays, controller.arrays, commands, self._trial.actuation_delay)
         measure = measuring(driver.kernels)
         if not measure(0, driver.kernels.constants, driver.kernels.state, driver.arrays, rows):
@@ -134,6 +135,10 @@ class WholeTrial:
 
     def _stopped(self, rows: TrialRows) -> Ending:
         """Return why a block ended before its last tick. Raises PluginError."""
+        if self._driver.tripped:
+            due = (self.tick - self._arrays.delay) % self._arrays.commands.torque.shape[0]
+            asked = Command(self._arrays.commands.torque[due], self._arrays.commands.position[due])
+            return Ending("tripped", self._driver.why_refused(self.tick, asked), self.tick)
         if rows.driver.written[0] == rows.controller.written[0]:
             return Ending("tripped", self._driver.why_unsafe(self.tick), self.tick)
         refused = self._controller.why_refused(self.tick)

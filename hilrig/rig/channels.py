@@ -25,7 +25,7 @@ PACKET_TICKS = 32
 PACKET_BYTES = 60_000
 """Maximum bytes in one packet; a low-latency link silently drops messages above 65,000"""
 NAMES = tuple(CHANNELS)
-DRIVER_CHANNELS = ("state", "truth", "stages", "driver_timing")
+DRIVER_CHANNELS = ("state", "truth", "applied", "stages", "driver_timing")
 CONTROLLER_CHANNELS = ("command", "internals", "controller_timing")
 
 _FRAME = struct.Struct("<BII")

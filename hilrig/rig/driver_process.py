@@ -56,7 +56,8 @@ class BusWire:
         self._certified = child.settings.certificate
         self._resumed = child.resume_monitor
         self._heard = HeardCommand(codecs, lead)
-        node.bind(driver_rows(self._record.batches), self._heard.acting)
+        self._rows = driver_rows(self._record.batches)
+        node.bind(self._rows, self._heard.acting)
         self._waiting: deque[tuple[int, int, bytes]] = deque()
         self._acting, self._received = -1, 0
         self._row, self._last = -1, self._record.rows - 1
@@ -171,7 +172,12 @@ class BusWire:
                 self._applied, sampled, fresh, self._resumed.last,
             ))  # fmt: skip
         if self._row == self._last:
-            self._record.ship()
+            self._ship()
+
+    def _ship(self) -> None:
+        self._record.written["applied"] = int(self._rows.changed[0])
+        self._rows.changed[0] = 0
+        self._record.ship()
 
     def rehearse(self) -> None:
         """Send what nobody reads."""
@@ -180,6 +186,7 @@ class BusWire:
     def end(self) -> None:
         """Send the remaining messages and mark the end."""
         self._outbox.end()
+        self._ship()
         self._record.end({"command": dict(self._screen.refused), "order": self._child.refused_orders})
         self._child.finish_record()
 

@@ -32,7 +32,7 @@ BLOCK = 1024
 """Ticks of a compiled trial between two checks of the clock and for Ctrl-C"""
 ROWS = 128
 """Ticks that are recorded together when the trial runs tick by tick"""
-DRIVER, CONTROLLER = ("state", "truth"), ("command", "internals")
+DRIVER, CONTROLLER = ("state", "truth", "applied"), ("command", "internals")
 """The channels of a block, by the node that writes them"""
 
 
@@ -66,7 +66,8 @@ class DirectWire:
         batches = self._record.batches
         self._state, self._command = batches["state"], batches["command"]
         self._heard_state, self._heard_command = HeardState(codecs), HeardCommand(codecs)
-        driver.bind(driver_rows(batches), self._heard_command.acting)
+        self._rows = driver_rows(batches)
+        driver.bind(self._rows, self._heard_command.acting)
         self._controller = ControllerNode(trial)
         self._controller.bind(self._heard_state.rows, controller_rows(batches))
         self._commands: dict[int, tuple[bytes, int]] = {}
@@ -135,6 +136,8 @@ class DirectWire:
             self._hand_over()
 
     def _hand_over(self) -> None:
+        self._record.written["applied"] = int(self._rows.changed[0])
+        self._rows.changed[0] = 0
         for name, stamps in self._stamps.items():
             self._record.batches[name].write(stamps)
             self._record.written[name] = len(stamps)
@@ -164,10 +167,12 @@ class BlockRecorder:
 
     def store(self, batches: Mapping[str, RecordBatch], rows: TrialRows) -> None:
         """Record the rows written in a block."""
-        for names, written in ((DRIVER, rows.driver.written[0]), (CONTROLLER, rows.controller.written[0])):
-            for name in names:
-                self._recorder.store(name, batches[name].payloads[:written])
-                self._counts[name] += int(written)
+        written = dict.fromkeys(DRIVER, int(rows.driver.written[0]))
+        written |= dict.fromkeys(CONTROLLER, int(rows.controller.written[0]))
+        written["applied"] = int(rows.driver.changed[0])
+        for name, count in written.items():
+            self._recorder.store(name, batches[name].payloads[:count])
+            self._counts[name] += count
         self._recorder.write()
 
     def end(self) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hilrig.core.signals import Command
-from hilrig.loop.rows import CommandRows, ControllerRows, DriverRows, InternalsRows, StateRows, TruthRows
+from hilrig.loop.rows import AppliedRows, CommandRows, ControllerRows, DriverRows, InternalsRows, StateRows, TruthRows
 from hilrig.recording.messages.codec import LEAD, Codec
 from hilrig.recording.messages.record_batch import RecordBatch
 
@@ -16,9 +16,10 @@ FEWEST = 2
 
 
 def driver_rows(batches: Mapping[str, RecordBatch]) -> DriverRows:
-    """Return the rows of the batches "state" and "truth"."""
+    """Return the rows of the batches "state", "truth" and "applied"."""
     state, truth = StateRows(*batches["state"].fields), TruthRows(*batches["truth"].fields)
-    return DriverRows(state, truth, np.zeros(1, dtype=np.int64))
+    applied = AppliedRows(*batches["applied"].fields)
+    return DriverRows(state, truth, applied, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64))
 
 
 def controller_rows(batches: Mapping[str, RecordBatch]) -> ControllerRows:

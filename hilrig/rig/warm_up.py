@@ -29,7 +29,7 @@ def warm_up_driver(trial: Trial) -> None:
             node.connect()
         else:
             node.adopt(StandIn(trial))
-        batches = {name: RecordBatch(codecs[name], FEWEST) for name in ("state", "truth")}
+        batches = {name: RecordBatch(codecs[name], FEWEST) for name in ("state", "truth", "applied")}
         node.bind(driver_rows(batches), HeardCommand(codecs).acting)
         for tick in range(min(TICKS, trial.ticks)):
             node.measure(tick)

@@ -20,6 +20,7 @@ from hilrig.recording.messages.record_batch import RecordBatch
 from hilrig.rig.rows import HeardCommand, HeardState, controller_rows, driver_rows
 
 DRIVER, CONTROLLER = ("state", "truth"), ("command", "internals")
+BATCHES = (*DRIVER, "applied", *CONTROLLER)
 
 
 def memory_of(trial: Trial) -> dict[str, int]:
@@ -35,9 +36,7 @@ class Nodes:
         self.trial = trial
         sizes = memory_of(trial) if sizes is None else sizes
         self.codecs: Mapping[str, Codec] = layouts(trial.driver.robot.joints, len(trial.axes), sizes)
-        self.batches = {
-            name: RecordBatch(self.codecs[name], rows + (name in CONTROLLER)) for name in DRIVER + CONTROLLER
-        }
+        self.batches = {name: RecordBatch(self.codecs[name], rows + (name in CONTROLLER)) for name in BATCHES}
         self.heard_state, self.heard_command = HeardState(self.codecs), HeardCommand(self.codecs)
         self.driver, self.controller = DriverNode(trial), ControllerNode(trial)
         self.driver.connect()

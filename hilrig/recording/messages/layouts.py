@@ -11,6 +11,7 @@ CHANNELS = {
     "truth": "Truth",
     "command": "Command",
     "internals": "Internals",
+    "applied": "Applied",
     "stages": "Stage",
     "driver_timing": "DriverTiming",
     "controller_timing": "ControllerTiming",
@@ -33,7 +34,8 @@ def layouts(joints: int, axes: int, memory: Mapping[str, int]) -> dict[str, Code
     sizes = {
         "state": {**per_joint, "wrench": 6},
         "truth": {**per_joint, **per_axis},
-        "command": commanded,
+        "command": {**commanded, "asked": joints},
+        "applied": commanded,
         "internals": {field.name: axes for field in found["internals"].fields if field.size == 0},
         "stages": {**commanded, "joint_position": joints, "wrench": 6},
         "driver_timing": {},
