@@ -87,13 +87,16 @@ def bound_torque(torque: Array, last: Array, asked: Array, largest: Array, step:
 def bound(torque: Array, position: Array, within: Envelope, applied: Command) -> int:
     """Bring a command within the envelope, relative to the last one in `applied`, and write it there.
 
-    Return the bits of `Limited`. If it ends the trial, `applied` may be written in part: it must not be applied.
+    Return the bits of `Limited`. If the command is not finite, nothing is written.
     """
+    for i in range(position.size):
+        if not np.isfinite(position[i]):
+            return NOT_FINITE
     bits = bound_torque(applied.torque, applied.torque, torque, within.torque, within.torque_step)
+    if bits & NOT_FINITE:
+        return bits
     for i in range(position.size):
         value, last, step = position[i], applied.position[i], within.position_step[i]
-        if not np.isfinite(value):
-            return bits | NOT_FINITE
         if abs(value - last) > step:
             value = min(max(value, last - step), last + step)
             bits |= POSITION_RATE

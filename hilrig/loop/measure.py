@@ -114,7 +114,8 @@ def apply(tick: int, torque: Array, position: Array, arrays: DriverArrays, rows:
     if bits & arrays.within.trips:
         return False
     if bits:
-        row, applied = rows.changed[0], rows.applied
+        applied, row = rows.applied, rows.changed[0]
+        row = min(row, applied.tick.size - 1)  # a kernel does not check an index
         applied.tick[row], applied.time[row] = tick, tick * arrays.period
         put(applied.torque[row], arrays.applied.torque)
         put(applied.position[row], arrays.applied.position)

@@ -47,11 +47,22 @@ class PlainDriver:
             if value > limit:
                 at = f"at t = {time:.4g} s (tick {tick}) is over the limit of {limit:.4g} {what.split()[-1]}"
                 raise Tripped(f"{what.format(value)} {at}")
+        low, high = limits.joint_range(self._trial.driver.robot)
+        for joint in np.flatnonzero((q < low) | (q > high))[:1]:
+            at = f"at t = {time:.4g} s (tick {tick}), outside its range of {low[joint]:.4g} to {high[joint]:.4g} rad"
+            raise Tripped(f"joint {joint + 1} is at {q[joint]:.4g} rad {at}")
 
     def advance(self, tick: int, command: Command | None) -> None:
-        """Let a period pass under a command; under the one that holds the plant if there is none."""
+        """Let a period pass under a command; under the one that holds the plant if there is none.
+
+        What the plant receives is within the robot's limits, whoever asks for it.
+        """
         held = command or self._hold
         assert held is not None
+        largest = self._trial.driver.robot.torque_limits()
+        held = Command(np.clip(held.torque, -largest, largest), held.position)
+        if self._trial.driver.servo_gain:
+            held = Command(held.torque, np.clip(held.position, *self._trial.driver.robot.joint_limits()))
         self.plant.advance(held, plant_disturbance(self._schedule, tick))
 
 
@@ -59,6 +70,8 @@ class PlainAnswer(NamedTuple):
     """What becomes of one measurement."""
 
     command: Command
+    asked: Array
+    limited: int
     state: State
     reference: Reference
     memory: list[Array]
@@ -92,7 +105,8 @@ class PlainController:
         self._torque = np.clip(asked, -largest, largest)
         position = measurement.joint_position + self._torque / k_ref if k_ref else measurement.joint_position
         memory = [np.ravel(part).copy() for part in self._law.memory]
-        return PlainAnswer(Command(self._torque, position), state, reference, memory)
+        limited = int((self._torque != asked).any())  # bit 1: the torque
+        return PlainAnswer(Command(self._torque, position), asked, limited, state, reference, memory)
 
     def _observe(self, tick: int, measurement: Measurement) -> State:
         q, gap = measurement.joint_position, max(tick - self._last_tick, 1)
@@ -141,7 +155,7 @@ def run_plainly(subject: Trial, sizes: dict[str, int], missed: frozenset[int] = 
             if tick not in missed:
                 answer = controller.control(tick, measurement)
                 seen = answer.state
-                say("command", tick, *answer.command)
+                say("command", tick, *answer.command, answer.asked, answer.limited)
                 say("internals", tick, seen.position, seen.velocity, seen.force, *answer.reference, *answer.memory)
                 commands[tick] = answer.command
             driver.advance(tick, newest(commands, tick - subject.actuation_delay))

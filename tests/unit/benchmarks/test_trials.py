@@ -20,4 +20,4 @@ def test_the_payloads_are_those_of_two_joints() -> None:
     def sequences(*lengths: int) -> int:
         return sum(8 + 8 * length for length in lengths)
 
-    assert payload_sizes() == (4 + 16 + sequences(2, 6, 2) + 16, 4 + 16 + sequences(2, 2))
+    assert payload_sizes() == (4 + 16 + sequences(2, 6, 2) + 16, 4 + 16 + sequences(2, 2, 2) + 8)

@@ -26,7 +26,7 @@ from hilrig.kinds.disturbances.measurement_delay import MeasurementDelay
 from hilrig.kinds.disturbances.sensor_bias import SensorBias
 from hilrig.kinds.references.hold import Hold
 from hilrig.kinds.references.sine import Sine
-from hilrig.loop.control import filter_velocity, limit
+from hilrig.loop.control import filter_velocity
 from hilrig.loop.ticks import do_ticks
 
 
@@ -228,15 +228,6 @@ def test_position_servos_are_commanded_by_equation_26() -> None:
     q = np.array([0.5, 1.1])
     command, _ = nodes.answered(nodes.state(0, q))
     np.testing.assert_allclose(command["position"], q + np.array([0.2, -0.1]))
-
-
-def test_limit_keeps_what_is_within() -> None:
-    torque = np.zeros(3)
-    assert limit(torque, np.array([-5.0, 1.0, 5.0]), np.array([2.0, 2.0, 9.0]))
-    np.testing.assert_array_equal(torque, [-2.0, 1.0, 5.0])
-    for value in (np.nan, np.inf, -np.inf):
-        assert not limit(torque[:2], np.array([0.5, value]), np.ones(2))
-    np.testing.assert_array_equal(torque, [-2.0, 1.0, 5.0])
 
 
 class Memory(NamedTuple):

@@ -116,14 +116,14 @@ def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
 
 def test_messages_of_another_layout_are_refused_with_the_file(tmp_path: Path) -> None:
     """The first message of a channel gives its layout; 2 and 3 numbers take as many bytes as 3 and 2."""
-    first, other = (Codec(definition("Command"), {"torque": n, "position": 5 - n}) for n in (2, 3))
+    first, other = (Codec(definition("Applied"), {"torque": n, "position": 5 - n}) for n in (2, 3))
     path = tmp_path / "bag.mcap"
     with BagWriter(path) as bag:
-        bag.add_channel("command", first.definition)
+        bag.add_channel("applied", first.definition)
         for tick, codec in enumerate((first, other)):
-            payload = codec.pack((tick, tick * PERIOD, *(np.zeros(n) for n in codec_lengths(codec))))
-            bag.write("command", np.frombuffer(payload, np.uint8)[None], np.array([tick]), PERIOD)
-    with pytest.raises(RunDirectoryError, match=r"bag\.mcap: hilrig_msgs/msg/Command: the length of torque is 3"):
+            payload = codec.pack((tick, tick * PERIOD, *(np.zeros(n) for n in codec_lengths(codec)), 0))
+            bag.write("applied", np.frombuffer(payload, np.uint8)[None], np.array([tick]), PERIOD)
+    with pytest.raises(RunDirectoryError, match=r"bag\.mcap: hilrig_msgs/msg/Applied: the length of torque is 3"):
         read_bag(path)
 
 

@@ -63,9 +63,9 @@ def test_a_payload_of_another_length_or_encoding_is_refused(name: str, data: st.
 
 def test_a_table_of_messages_with_other_lengths_of_the_same_size_is_refused() -> None:
     """Two sequences of 2 and 3 numbers take as many bytes as those of 3 and 2."""
-    mine, other = (Codec(definition("Command"), {"torque": n, "position": 5 - n}) for n in (2, 3))
+    mine, other = (Codec(definition("Applied"), {"torque": n, "position": 5 - n}) for n in (2, 3))
     assert mine.size == other.size
-    with pytest.raises(ValueError, match="hilrig_msgs/msg/Command: the length of torque is 3, expected 2"):
+    with pytest.raises(ValueError, match="hilrig_msgs/msg/Applied: the length of torque is 3, expected 2"):
         mine.columns([mine.zero(), other.zero()])
 
 
@@ -83,8 +83,8 @@ def test_the_dtype_covers_every_byte_but_those_that_align(name: str, data: st.Da
 
 
 def test_columns_stack_the_fields_of_many_messages() -> None:
-    codec = Codec(definition("Command"), {"torque": 2, "position": 3})
-    rows = [(k, 0.5 * k, np.array([k, -k], float), np.full(3, 2.0 * k)) for k in range(4)]
+    codec = Codec(definition("Applied"), {"torque": 2, "position": 3})
+    rows = [(k, 0.5 * k, np.array([k, -k], float), np.full(3, 2.0 * k), k) for k in range(4)]
     table = codec.columns([codec.pack(row) for row in rows])
     np.testing.assert_array_equal(table["tick"], [0, 1, 2, 3])
     np.testing.assert_array_equal(table["time"], [0, 0.5, 1, 1.5])
@@ -116,25 +116,25 @@ def test_a_message_of_zeros_has_its_lengths(name: str, data: st.DataObject) -> N
 
 
 def test_unpacked_arrays_are_the_readers_own() -> None:
-    codec = Codec(definition("Command"), {"torque": 2, "position": 2})
-    payload = codec.pack((1, 0.0, np.ones(2), np.ones(2)))
+    codec = Codec(definition("Applied"), {"torque": 2, "position": 2})
+    payload = codec.pack((1, 0.0, np.ones(2), np.ones(2), 1))
     codec.unpack(payload)[2][:] = 7.0
     np.testing.assert_array_equal(codec.unpack(payload)[2], [1.0, 1.0])
 
 
 def test_a_wrong_length_is_not_packed() -> None:
-    codec = Codec(definition("Command"), {"torque": 2, "position": 2})
+    codec = Codec(definition("Applied"), {"torque": 2, "position": 2})
     for wrong in (np.ones(3), np.ones(1), 1.0):
-        with pytest.raises(ValueError, match=r"Command: torque has the shape \(.*\), expected \(2,\)"):
-            codec.pack((1, 0.0, wrong, np.ones(2)))
+        with pytest.raises(ValueError, match=r"Applied: torque has the shape \(.*\), expected \(2,\)"):
+            codec.pack((1, 0.0, wrong, np.ones(2), 1))
     with pytest.raises(ValueError, match="shorter"):
         codec.pack((1, 0.0, np.ones(2)))
 
 
 def test_unpacked_numbers_are_pythons_and_arrays_are_aligned() -> None:
     """A tick is subtracted from, which numpy's unsigned numbers do not survive; kernels take aligned arrays only."""
-    codec = Codec(definition("Command"), {"torque": 2, "position": 2})
-    tick, time, torque, _ = codec.unpack(codec.pack((1, 0.5, np.ones(2), np.ones(2))))
+    codec = Codec(definition("Applied"), {"torque": 2, "position": 2})
+    tick, time, torque, _, _ = codec.unpack(codec.pack((1, 0.5, np.ones(2), np.ones(2), 1)))
     assert (type(tick), type(time)) == (int, float)
     assert torque.flags.aligned
     assert torque.flags.writeable

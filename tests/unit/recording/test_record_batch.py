@@ -10,7 +10,7 @@ from helpers.messages import MESSAGES, messages
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hilrig.loop.rows import CommandRows, InternalsRows, StateRows, TruthRows
+from hilrig.loop.rows import AppliedRows, CommandRows, InternalsRows, StateRows, TruthRows
 from hilrig.recording.messages.codec import Codec, definition
 from hilrig.recording.messages.layouts import CHANNELS, definitions, layouts
 from hilrig.recording.messages.record_batch import WORD, RecordBatch
@@ -102,7 +102,10 @@ def test_a_laws_memory_is_one_array(sizes: list[int]) -> None:
     assert batch.message(0) == codec.zero()
 
 
-@pytest.mark.parametrize(("rows", "message"), [(StateRows, "State"), (TruthRows, "Truth"), (CommandRows, "Command")])
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [(StateRows, "State"), (TruthRows, "Truth"), (CommandRows, "Command"), (AppliedRows, "Applied")],
+)
 def test_the_rows_of_kernels_have_the_fields_of_the_message(rows: Any, message: str) -> None:
     """Kernels take them in order: another order in the .msg would put one signal in another's place."""
     assert rows._fields == tuple(field.name for field in definition(message).fields)
@@ -127,7 +130,8 @@ def test_every_channel_has_a_layout_of_one_size(joints: int, axes: int, sizes: l
 
     assert found["state"].size == size(2, joints, 6, joints) + 16
     assert found["truth"].size == size(2, joints, joints, axes, axes, 6) + 8
-    assert found["command"].size == size(2, joints, joints)
+    assert found["command"].size == size(2, joints, joints, joints) + 8
+    assert found["applied"].size == size(2, joints, joints) + 8
     assert found["internals"].size == size(2, *[axes] * 7) + 8 * sum(sizes)
     assert found["stages"].size == size(3, joints, 6, joints, joints) + 16
     assert found["driver_timing"].size == size(11)

@@ -13,7 +13,7 @@ from hilrig.recording.messages.codec import Codec, definition
 from hilrig.recording.messages.record_batch import RecordBatch
 from hilrig.recording.recorder import MOST_GAPS, Account, Recorder
 
-COMMAND = Codec(definition("Command"), {"torque": 1, "position": 1})
+COMMAND = Codec(definition("Command"), {"torque": 1, "position": 1, "asked": 1})
 TIMING = Codec(definition("ControllerTiming"), {})
 DEFINITIONS = {
     "command": COMMAND.definition, "driver_timing": definition("DriverTiming"), "controller_timing": TIMING.definition,
@@ -24,7 +24,7 @@ def commands(*ticks: int) -> Array:
     """Return the messages of these ticks, (N, bytes), with the tick as torque."""
     batch = RecordBatch(COMMAND, max(len(ticks), 1))
     for row, tick in enumerate(ticks):
-        for field, value in zip(batch.fields, (tick, tick * 1e-3, float(tick), 0.0), strict=True):
+        for field, value in zip(batch.fields, (tick, tick * 1e-3, float(tick), 0.0, float(tick), 0), strict=True):
             field[row] = value
     return batch.payloads[: len(ticks)]
 

@@ -116,7 +116,7 @@ def test_a_law_that_remembers_too_much_is_told_the_limit() -> None:
     with pytest.raises(RigError) as caught:
         RecordSender(lambda packet: None, layouts(2, 2, {"table": 4000}), CONTROLLER_CHANNELS)
     assert str(caught.value) == (
-        "the messages of one tick (command, internals, controller_timing) take 32316 bytes, but the bus takes at most "
+        "the messages of one tick (command, internals, controller_timing) take 32348 bytes, but the bus takes at most "
         "30000: give the law a smaller memory, or run with --in-process, which has no limit"
     )
 

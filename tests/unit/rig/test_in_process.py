@@ -26,6 +26,7 @@ from hilrig.rig import in_process
 from hilrig.rig.in_process import run_in_process
 
 BLOCK = 37
+FREE = Limits(joint_margin=None)
 PER_TICK = ("state", "truth", "command", "internals")
 
 
@@ -81,7 +82,9 @@ def assert_recorded_once(run: Path, subject: Trial, sensed: int, acted: int) -> 
 def test_blocks_record_what_single_ticks_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ticks: int) -> None:
     phase = PhaseSpec("press", 0.0, ticks * 1e-3, {"x": Hold(0.1)}, {"z": Hold(3.5)})
     noise = SensorNoise(force=0.05, joint=2e-5)
-    subject = trial(controller=Faulty(), disturbances=(noise,), phases=(phase,), start_position=(0.1, 0.36))
+    subject = trial(
+        controller=Faulty(), disturbances=(noise,), phases=(phase,), start_position=(0.1, 0.36), limits=FREE
+    )
     fast = run_in_process(tmp_path / "fast", subject)
     monkeypatch.setattr(DriverNode, "compiled", False)
     slow = run_in_process(tmp_path / "slow", subject)
