@@ -41,8 +41,29 @@ newton_meter_second = newton * meter * second = Nms
 joule = newton * meter = J
 watt = joule / second = W
 percent = 0.01 = %
+byte = [memory] = B
 """
-_KNOWN = ("m", "kg", "g", "s", "min", "N", "Nm", "Ns", "Nms", "rad", "deg", "°", "turn", "Hz", "rpm", "W", "J", "%")
+_KNOWN = (
+    "m",
+    "kg",
+    "g",
+    "s",
+    "min",
+    "N",
+    "Nm",
+    "Ns",
+    "Nms",
+    "rad",
+    "deg",
+    "°",
+    "turn",
+    "Hz",
+    "rpm",
+    "W",
+    "J",
+    "%",
+    "B",
+)
 """The units that messages list"""
 
 _NAMES = {
@@ -50,13 +71,13 @@ _NAMES = {
     "m/s^2": "an acceleration", "rad/s": "an angular speed", "rad/s^2": "an angular acceleration",
     "N/m": "a stiffness", "N*s/m": "a damping", "N*m": "a torque or energy", "N*m/rad": "a joint stiffness",
     "N*m*s/rad": "a joint damping", "kg*m^2": "a moment of inertia", "W": "a power", "1/s": "a rate",
-    "": "a pure number",
+    "B": "a memory size", "": "a pure number",
 }  # fmt: skip
 """Common name for a quantity with a unit's dimension."""
 
 _EXAMPLES = {
     "s": "1 ms", "m": "0.1 m", "kg": "3 kg", "rad": "90 deg", "N": "3.5 N", "m/s": "0.1 m/s",
-    "rad/s": "1 rad/s", "Hz": "100 Hz", "N/m": "800 N/m", "N*s/m": "20 N*s/m", "N*m": "2 N*m", "": "0.5",
+    "rad/s": "1 rad/s", "Hz": "100 Hz", "N/m": "800 N/m", "N*s/m": "20 N*s/m", "N*m": "2 N*m", "B": "2 GB", "": "0.5",
 }  # fmt: skip
 
 _AS_TYPED = str.maketrans({

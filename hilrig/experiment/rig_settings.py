@@ -12,7 +12,7 @@ from hilrig.core.parameters import Parameter
 class RigSettings:
     """The real-time set-up of driver and controller: applied where permitted, otherwise reported, never required.
 
-    None of it is applied in lockstep, which has no deadlines. Reasons and figures: docs/realtime.md.
+    None of it but `law_memory` is applied in lockstep, which has no deadlines. Reasons and figures: docs/realtime.md.
     """
 
     pace: Annotated[
@@ -41,4 +41,10 @@ class RigSettings:
     certificate: Annotated[
         bool, Parameter("", "whether every tick is stamped; without stamps the trial's timing is unknown")
     ] = True
+    law_memory: Annotated[
+        float | None,
+        Parameter(
+            "B", "memory that a law may take; a trial whose law asks for more fails; null: no limit", 1e7, 1e13, "log"
+        ),
+    ] = 2e9
     low_latency_link: Annotated[bool, Parameter("", "whether the bus uses zenoh's low-latency link")] = True

@@ -13,15 +13,21 @@ from hilrig.rig.channels import CONTROLLER_CHANNELS, RecordSender
 from hilrig.rig.child import Child, main
 from hilrig.rig.faults import Injector
 from hilrig.rig.frames import TickScreen, tick_of
+from hilrig.rig.memory import LawMemory
 from hilrig.rig.rows import HeardState, controller_rows
 from hilrig.rig.state_receiver import StateReceiver
 from hilrig.rig.warm_up import warm_up_controller
 
 
 def work(child: Child) -> None:
-    """Answer every measurement until the driver marks the last one."""
+    """Answer every measurement until the driver marks the last one.
+
+    Raises RigError if the law asks for too much memory.
+    """
     trial = child.read_trial()
-    memory = warm_up_controller(trial)
+    law_memory = LawMemory(trial.rig.law_memory)
+    with law_memory.bounded():
+        memory = warm_up_controller(trial)
     codecs = layouts(trial.driver.robot.joints, len(trial.axes), memory)
     realtime = trial.clock == "realtime"
     lead = child.bus.lead("state", "driver")
@@ -37,7 +43,8 @@ def work(child: Child) -> None:
     states = StateReceiver(inbox, screen, trial.ticks, trial.period, realtime)
     child.ready(("driver", "logger"), record.rehearse, memory=memory)
     try:
-        answer_all(child, node, heard, record, states, commands, injector)
+        with law_memory.bounded():
+            answer_all(child, node, heard, record, states, commands, injector)
     except Tripped as trip:
         child.tell("tripped", reason=str(trip))
     finally:

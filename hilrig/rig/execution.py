@@ -25,8 +25,6 @@ from hilrig.experiment.trial import Trial
 from hilrig.kinds.registry import name_of
 from hilrig.recording.manifest import provenance
 from hilrig.recording.run_directory import create_run, ending, read_outcome, trial_directory, write_json
-from hilrig.rig.hung_law import unless_hung
-from hilrig.rig.in_process import run_in_process
 from hilrig.rig.live import IN_PROCESS, ON_BUS, Live
 from hilrig.rig.outcome import Outcome
 from hilrig.rig.supervisor import run_on_bus
@@ -154,17 +152,15 @@ class _Runner:
         self._slots: queue.SimpleQueue[int] = queue.SimpleQueue()
         for slot in range(options.jobs):
             self._slots.put(slot)
-        beside = options.jobs if options.in_process and options.jobs > 1 else 0
-        self._workers = [Worker(run, slot) for slot in range(beside)]
+        slots = [None] if options.jobs == 1 else range(options.jobs)
+        self._workers = [Worker(run, slot) for slot in slots] if options.in_process else []
 
     def run(self, trials: Sequence[Trial]) -> list[Outcome]:
         """Run the trials; return the outcomes of those that were started."""
-        if self._options.jobs == 1:
-            results = map(self._one, trials)
-            return [outcome for outcome in results if outcome is not None]
         with ThreadPoolExecutor(self._options.jobs) as pool:
+            do = pool.map if self._options.jobs > 1 else map
             try:
-                return [outcome for outcome in pool.map(self._one, trials) if outcome is not None]
+                return [outcome for outcome in do(self._one, trials) if outcome is not None]
             finally:
                 # Before the threads that started them end, which a worker would take for the end of this process.
                 for worker in self._workers:
@@ -194,12 +190,9 @@ class _Runner:
         """Run one trial; an error becomes its outcome, and the other trials continue."""
         report = partial(self._listener.progressed, trial)
         try:
-            if not self._options.in_process:
-                return run_on_bus(self._run, trial, report, self._options.stop.is_set, slot, self._live)
             if self._workers:
                 return self._workers[slot].do(trial, report, self._options.stop.is_set)
-            with unless_hung(self._options.stop):
-                return run_in_process(self._run, trial, report, self._options.stop.is_set)
+            return run_on_bus(self._run, trial, report, self._options.stop.is_set, slot, self._live)
         except Stopped as stop:  # outside the ticks, where the trial does not turn it into an outcome
             return Outcome.of(trial, "aborted", str(stop), 0, 0.0, {})
         except KeyboardInterrupt:

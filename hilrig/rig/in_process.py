@@ -24,6 +24,7 @@ from hilrig.recording.run_directory import trial_directory, write_json
 from hilrig.recording.timing import certify
 from hilrig.rig.channels import NAMES, RecordBatches
 from hilrig.rig.clock import PROGRESS_NS, Pacer, Timer
+from hilrig.rig.memory import LawMemory
 from hilrig.rig.outcome import Outcome
 from hilrig.rig.rows import FEWEST, HeardCommand, HeardState, controller_rows, driver_rows
 from hilrig.rig.warm_up import warm_up_controller, warm_up_driver
@@ -206,13 +207,16 @@ def run_in_process(
 
 def _tick_by_tick(directory: Path, driver: DriverNode, caller: Caller) -> Outcome:
     trial = driver.trial
-    memory = warm_up_controller(trial)
+    law_memory = LawMemory(trial.rig.law_memory)
+    with law_memory.bounded():
+        memory = warm_up_controller(trial)
     codecs = layouts(trial.driver.robot.joints, len(trial.axes), memory)
     began = time.monotonic()
     with Recorder(directory, trial.period, definitions(memory)) as recorder:
         wire = DirectWire(driver, codecs, recorder, caller)
         try:
-            ending = live(driver, wire)
+            with law_memory.bounded():
+                ending = live(driver, wire)
         finally:
             wire.end()
         return _outcome(directory, trial, ending, recorder, time.monotonic() - began)
@@ -221,9 +225,10 @@ def _tick_by_tick(directory: Path, driver: DriverNode, caller: Caller) -> Outcom
 def _in_blocks(directory: Path, driver: DriverNode, caller: Caller) -> Outcome:
     trial = driver.trial
     codecs = layouts(trial.driver.robot.joints, len(trial.axes), {})
-    whole, refused = WholeTrial(driver), None
+    whole, refused, law_memory = WholeTrial(driver), None, LawMemory(trial.rig.law_memory)
     try:
-        memory = whole.start(driver_rows({name: RecordBatch(codecs[name], FEWEST) for name in DRIVER}))
+        with law_memory.bounded():
+            memory = whole.start(driver_rows({name: RecordBatch(codecs[name], FEWEST) for name in DRIVER}))
     except Tripped as trip:
         memory, refused = {}, Ending("tripped", str(trip), 0)
     with Recorder(directory, trial.period, definitions(memory)) as recorder:
@@ -232,13 +237,15 @@ def _in_blocks(directory: Path, driver: DriverNode, caller: Caller) -> Outcome:
             whole.do(0, blocks.room(0)[1])  # compiles or loads the loop before timing starts
         began, loop_s = time.monotonic(), 0.0
         try:
-            ending, loop_s = (refused, 0.0) if refused else _do_blocks(whole, blocks, caller, trial)
+            ending, loop_s = (refused, 0.0) if refused else _do_blocks(whole, blocks, caller, trial, law_memory)
         finally:
             blocks.end()
         return _outcome(directory, trial, ending, recorder, time.monotonic() - began, loop_s)
 
 
-def _do_blocks(whole: WholeTrial, blocks: BlockRecorder, caller: Caller, trial: Trial) -> tuple[Ending, float]:
+def _do_blocks(
+    whole: WholeTrial, blocks: BlockRecorder, caller: Caller, trial: Trial, law_memory: LawMemory
+) -> tuple[Ending, float]:
     """Run all ticks; return how they ended, and the time spent in them without recording, s.
 
     While a block is computed, a thread records the previous one, except if the law is in Python, which would keep
@@ -255,7 +262,8 @@ def _do_blocks(whole: WholeTrial, blocks: BlockRecorder, caller: Caller, trial: 
             batches, rows = blocks.room(min(BLOCK, trial.ticks - whole.tick))
             began = time.monotonic()
             try:
-                ending = whole.do(BLOCK, rows)
+                with law_memory.bounded():
+                    ending = whole.do(BLOCK, rows)
             finally:
                 loop_s += time.monotonic() - began
                 earlier, recorded = recorded, thread.submit(blocks.store, batches, rows)

@@ -1,4 +1,4 @@
-"""Keeps page faults out of the loop: locks the memory and allocates the heap before the loop starts."""
+"""The memory of a process: what its loop needs is there and locked before the loop starts, and a law's has an end."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ import ctypes
 import mmap
 import os
 import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from hilrig.core.errors import RigError, describe_error
 
 MCL_CURRENT, MCL_FUTURE = 1, 2
 MLOCK_ONFAULT = 1
@@ -57,6 +62,42 @@ def limit_binds() -> bool:
         binds = _libc.mlock2(ctypes.addressof(start), size, MLOCK_ONFAULT) != 0
         del start  # the map cannot be closed while a pointer into it exists
     return binds
+
+
+class LawMemory:
+    """What a law may take: `allowed` bytes more than this process has now; None for no limit.
+
+    Without a limit the kernel would end some process of the machine, not always the one that asked.
+    """
+
+    def __init__(self, allowed: float | None) -> None:
+        self._allowed = allowed
+        soft, self._hard = self._before = resource.getrlimit(resource.RLIMIT_DATA)
+        least = soft if soft != resource.RLIM_INFINITY else None
+        wanted = None if allowed is None else data_size() + round(allowed)
+        self._limit = min((each for each in (least, wanted) if each is not None), default=resource.RLIM_INFINITY)
+
+    @contextmanager
+    def bounded(self) -> Iterator[None]:
+        """Limit the memory of this process while the body, with the law in it, runs.
+
+        Raises RigError if it asks for more. The limit is lifted first: to report an error takes memory too.
+        """
+        resource.setrlimit(resource.RLIMIT_DATA, (self._limit, self._hard))
+        try:
+            yield
+        except MemoryError as error:
+            resource.setrlimit(resource.RLIMIT_DATA, self._before)
+            allowed = "" if self._allowed is None else f"a law may take {self._allowed / 1e9:g} GB (rig.law_memory): "
+            raise RigError(f"out of memory: {allowed}{describe_error(error)}") from error
+        finally:
+            resource.setrlimit(resource.RLIMIT_DATA, self._before)
+
+
+def data_size() -> int:
+    """Return how much of what RLIMIT_DATA limits this process has, bytes: heap, stacks and private maps."""
+    line = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmData:"))
+    return int(line.split()[1]) << 10
 
 
 def _make_heap() -> None:

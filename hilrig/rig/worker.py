@@ -1,4 +1,4 @@
-"""Runs trials without the bus in a separate process, so that several can run in parallel, and watches that process."""
+"""Runs trials without the bus in a separate process, and watches that process: a law is a guest, and may hang."""
 
 from __future__ import annotations
 
@@ -34,11 +34,13 @@ LISTEN_S = 0.05
 class Worker:
     """A process that runs trials one after the other with `run_in_process`; `slot` decides which core it gets.
 
+    Without a slot it may use all cores: while it computes, it records on another one.
+
     It is started for the first trial, and again after a trial that it did not end itself. One process runs many trials
     because starting it takes seconds, and a compiled trial only a fraction of a second.
     """
 
-    def __init__(self, run: Path, slot: int) -> None:
+    def __init__(self, run: Path, slot: int | None) -> None:
         self._run, self._slot = run, slot
         self._process: ChildProcess | None = None
         self._line: Connection | None = None
@@ -63,9 +65,9 @@ class Worker:
         self.close()
         ours, theirs = Pipe()
         with theirs:
+            cores = () if self._slot is None else cores_for(self._slot)["driver"]
             orders = {
-                "run": str(self._run.resolve()), "line": theirs.fileno(), "cores": cores_for(self._slot)["driver"],
-                "parent": os.getpid(),
+                "run": str(self._run.resolve()), "line": theirs.fileno(), "cores": cores, "parent": os.getpid(),
             }  # fmt: skip
             process = ChildProcess.start(
                 "the worker process", f"hilrig.rig.{ROLE}_process", json.dumps(orders), log_of(directory, ROLE),

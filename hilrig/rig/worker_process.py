@@ -25,7 +25,8 @@ def main() -> None:
     signals = Signals()
     try:
         signals.listen(orders["parent"])
-        pin(orders["cores"])
+        if orders["cores"]:
+            pin(orders["cores"])
         while not line.closed:
             name = line.recv()
             _write_to(log_of(run / "trials" / name, "worker"))

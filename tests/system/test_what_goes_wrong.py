@@ -182,4 +182,64 @@ def test_a_thread_that_a_law_leaves_does_not_keep_the_program(hilrig, experiment
     done = hilrig("run", experiment(controllers=controllers), "--no-report", "--in-process")
     assert done.returncode == 0
     assert "1 of 1 trials completed" in done.stdout
-    assert "ended while a thread was still running: left" in done.stderr
+
+
+def endings(under: Path) -> dict[str, dict[str, Any]]:
+    return {path.parent.name: json.loads(path.read_text()) for path in only_run(under).glob("trials/*/outcome.json")}
+
+
+@pytest.mark.parametrize("how", [(), ("--in-process",)], ids=" ".join)
+def test_a_law_that_asks_for_memory_without_end_fails_its_own_trial(
+    hilrig, experiment, tmp_path: Path, how: tuple[str, ...]
+) -> None:
+    """Its outcome says how much a law may take, and where this one asked for more."""
+    law = faulty(tmp_path, "globals().setdefault('kept', []).append(np.ones(1_000_000))", when="True")
+    file = experiment(duration=2.0, controllers=law + "\n  pd: {kind: pd}")
+    assert hilrig("run", file, "--no-report", "--set", "rig.law_memory=0.5 GB", *how).returncode == 1
+    ended = endings(tmp_path)
+    assert {name: found["outcome"] for name, found in ended.items()} == {
+        "faulty.noisy.0": "failed", "pd.noisy.0": "completed",
+    }  # fmt: skip
+    reason = ended["faulty.noisy.0"]["reason"]
+    assert "out of memory: a law may take 0.5 GB (rig.law_memory): " in reason
+    assert "MemoryError" in reason
+    assert "faulty.py:" in reason
+
+
+SPINNING = '''
+from dataclasses import dataclass
+from typing import NamedTuple
+import numpy as np
+from hilrig import Law, kernel
+
+class Memory(NamedTuple):
+    count: np.ndarray
+
+@kernel
+def step(parameters, memory, state, reference):
+    memory.count[0] += 1.0
+    while memory.count[0] > 200.0:
+        memory.count[0] += 1.0
+    return 0.0 * state.torque
+
+@dataclass(frozen=True)
+class Spinning:
+    """Never returns from its 201st call."""
+
+    def start(self, task, state):
+        return Law(step, (), Memory(np.zeros(1)))
+'''
+
+
+@pytest.mark.parametrize("how", [(), ("--in-process",), ("--in-process", "--jobs", "2")], ids=" ".join)
+def test_a_law_that_hangs_in_compiled_code_ends_its_own_trial(
+    hilrig, experiment, tmp_path: Path, monkeypatch, how: tuple[str, ...]
+) -> None:
+    """No signal handler of Python runs there."""
+    monkeypatch.setenv("HILRIG_SILENCE_TIMEOUT", "5")
+    (tmp_path / "spinning.py").write_text(SPINNING)
+    controllers = "spinning: {kind: ./spinning.py}\n  pd: {kind: pd}"
+    assert hilrig("run", experiment(controllers=controllers), "--no-report", *how).returncode == 1
+    assert {name: found["outcome"] for name, found in endings(tmp_path).items()} == {
+        "spinning.noisy.0": "timed_out", "pd.noisy.0": "completed",
+    }  # fmt: skip

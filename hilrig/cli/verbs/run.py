@@ -27,9 +27,7 @@ def run(
     ] = None,
     in_process: Annotated[
         bool,
-        typer.Option(
-            "--in-process", help="Run without the bus: all in this process, or with --jobs in one process per job."
-        ),
+        typer.Option("--in-process", help="Run without the bus: each trial in one process beside this one."),
     ] = False,
     jobs: Annotated[int, typer.Option(help="Number of trials to run at the same time.")] = 1,
     repeats: Annotated[int | None, typer.Option(help="Number of repeats, instead of the experiment's.")] = None,
