@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -31,6 +32,8 @@ class DriverNode:
         """Whether the plant knows its true state; valid from the first measurement on"""
         self.busy = False
         """Whether the plant's code is running: no other thread may call it then"""
+        self.held_ns = 0
+        """When the plant was first held, ns of `time.monotonic`; 0 if it was not"""
         self._plant: Plant | None = None
         self._parts: Iterator[bool] | None = None
         self._acting: Command | None = None
@@ -206,21 +209,21 @@ class DriverNode:
 
     def hold(self) -> None:
         """Stop the plant where it is, if it can be stopped: a simulation stands still when nothing advances it."""
-        hold = getattr(self._plant, "hold", None)
-        if hold is not None:
-            hold()
+        getattr(self._plant, "hold", _nothing)()
+        self.held_ns = self.held_ns or time.monotonic_ns()
 
     def release(self) -> None:
         """Hold the plant, then close it, once. Raises RigError if it could not be held or closed."""
-        plant, self._plant = self._plant, None
+        plant = self._plant
         if plant is None:
             return
         problems: list[str] = []
-        for name in ("hold", "close"):
+        for name, do in (("hold", self.hold), ("close", plant.close)):
             try:
-                getattr(plant, name, _nothing)()
+                do()
             except Exception as error:
                 problems.append(f"{name} raised {raised(error)}")
+        self._plant = None
         if problems:
             raise RigError(f"driver {self._name}: {'; '.join(problems)}: look at the arm")
 

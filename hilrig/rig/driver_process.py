@@ -192,11 +192,9 @@ class BusWire:
 
     def account(self) -> dict[str, Any]:
         """Return what the supervisor is to know of the end."""
-        return {
-            "command_age_s": self._age.last_s,
-            "loop_s": self._stages.durations.get("ticks"),
-            "stages": self._stages.durations,
-        }
+        stages = self._stages.durations
+        age = self._age.age(self._node.held_ns) * 1e-9 if self._realtime and "ticks" in stages else None
+        return {"loop_s": stages.get("ticks"), "stages": stages, "held_command_age_s": age}
 
 
 def work(child: Child) -> None:

@@ -27,6 +27,10 @@ class Outcome:
     """Simulated time over wall time, without the start-up"""
     loop_s: float | None = None
     """Time from the start of the first tick to the end of the last one; None if unknown"""
+    stages: Mapping[str, float] | None = None
+    """How long each stage of the plant's life took, s, as its driver says; None if unknown"""
+    held_command_age_s: float | None = None
+    """How old the command in effect was when the plant was held, as its driver says; None if it was in lockstep"""
     channels: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @classmethod
@@ -38,16 +42,18 @@ class Outcome:
         ticks: int,
         wall: float,
         channels: Mapping[str, Mapping[str, Any]],
-        loop: float | None = None,
+        loop_s: float | None = None,
+        stages: Mapping[str, float] | None = None,
+        held_command_age_s: float | None = None,
     ) -> Outcome:
         """Return the outcome; a trial that ran to its end but lacks messages has failed."""
         if outcome == "completed" and (trouble := unexplained(channels)):
             outcome, reason = "failed", trouble
         speed = ticks * trial.period / wall if wall > 0 else 0.0
-        loop_s = None if loop is None else round(loop, 4)
         return cls(
-            trial.id, outcome, reason, ticks, trial.ticks, round(wall, 3), round(speed, 3), loop_s, dict(channels)
-        )
+            trial.id, outcome, reason, ticks, trial.ticks, round(wall, 3), round(speed, 3),
+            None if loop_s is None else round(loop_s, 4), stages, held_command_age_s, dict(channels),
+        )  # fmt: skip
 
     @property
     def completed(self) -> bool:

@@ -178,8 +178,8 @@ class Supervision:
         wall_s = time.monotonic() - began
         channels = self._bring_down()
         outcome, reason = self._verdict or ("completed", "")
-        loop_s = self._done.get("driver", {}).get("loop_s")
-        return Outcome.of(self._rig.trial, outcome, reason, self._ticks, wall_s, channels, loop_s)
+        told = {name: self._done.get("driver", {}).get(name) for name in ("loop_s", "stages", "held_command_age_s")}
+        return Outcome.of(self._rig.trial, outcome, reason, self._ticks, wall_s, channels, **told)
 
     def _all_ready(self) -> bool:
         waited = Stopwatch()
@@ -244,6 +244,8 @@ class Supervision:
             self._done[role] = status
             if role == "driver":
                 self._ticks = status["ticks"]
+                if status["reason"] == HALTED:  # the program was told to stop at the same time
+                    self._verdict = None
                 # If the driver stopped because its controller ended, the driver is not the cause.
                 if status["outcome"] in ("tripped", "timed_out") or status["reason"] == HALTED:
                     self._conclude(status["outcome"], status["reason"])

@@ -26,8 +26,6 @@ class CommandAge:
         self._began = [0] * REMEMBERED
         self._first = self._sampled = self._measured = 0
         self._acting = -1
-        self.last_s: float | None = None
-        """Age of the command in effect when it was checked last, s"""
 
     def begin(self, tick: int, left_out: int, now: int) -> None:
         """Note that a tick begins, after `left_out` ticks that were not done. Raises Tripped after a standstill."""
@@ -48,8 +46,7 @@ class CommandAge:
             self._measured = (
                 self._began[acting % REMEMBERED] if known else now - round((tick - acting) * self._period_ns)
             )
-        age = now - (self._measured or self._first)
-        self.last_s = age * 1e-9
+        age = self.age(now)
         if age > self._limit_ns:
             what = "no command has come" if acting < 0 else f"the last command, of tick {acting}, is too old"
             raise Tripped(
@@ -63,6 +60,10 @@ class CommandAge:
                 f"the plant has given no new sample for {(now - self._sampled) * 1e-9:.4g} s at {self._at(tick)}, over "
                 f"the limit of {self.sample_limit_s:g} s (safety.sample_age)"
             )
+
+    def age(self, now: int) -> int:
+        """Return the age of the command in effect, ns: the time since the tick that it answers began."""
+        return now - (self._measured or self._first or now)
 
     def _at(self, tick: int) -> str:
         return f"t = {tick * self._period:.4g} s (tick {tick})"

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from helpers.counting_driver import counting_driver
 from helpers.patience import PATIENCE
 
 EXPERIMENT = """
@@ -41,6 +42,8 @@ controllers:
 
 PATIENT = "safety: {command_age: 10 s}"
 """A watchdog that the standstills of a busy machine do not wake"""
+SAFE = "safety: {command_age: 3 s}"
+"""One that hangs wake soon, and that a busy machine seldom wakes"""
 ANY = "{late_fraction: 100 %, command_age_p99: 100 s}"
 """A timing budget that every trial keeps, however busy the machine is"""
 
@@ -92,6 +95,23 @@ def experiment(tmp_path: Path) -> Callable[..., Path]:
                 safety=safety,
             )
         )
+        return path
+
+    return write
+
+
+@pytest.fixture
+def robot(experiment: Callable[..., Path], tmp_path: Path) -> Callable[..., Path]:
+    """Write an experiment on a plant that is not simulated and return its path."""
+
+    def write(duration: float = 0.3, controllers: str = "pd: {kind: pd}", safety: str = SAFE, **steps: str) -> Path:
+        off = float(steps.pop("off", "0"))
+        kind = counting_driver(tmp_path, off, **steps)
+        path = experiment(clock="realtime", driver=kind, duration=duration, controllers=controllers, safety=safety)
+        text = path.read_text().replace(
+            "  surface: {position: 0.35 m, stiffness: 800 N/m, damping: 20 N*s/m, friction: 0.2}\n", ""
+        )
+        path.write_text(text)
         return path
 
     return write

@@ -9,33 +9,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from helpers.counting_driver import calls, counting_driver, outcome_of, whats
+from helpers.counting_driver import calls, outcome_of, whats
 from helpers.patience import wait_for
 from helpers.real_rig import LONG, end_of, faulty, rig_processes
 
 from hilrig.recording.bag import read_bag
 
 WHOLE = ["connect", "prepare", "approach", "retract", "hold", "close"]
-SAFE = "safety: {command_age: 3 s}"
-"""Longer than a loaded machine delays the loop"""
 TRACE = ("connect", "hold", "close")
-
-
-@pytest.fixture
-def robot(experiment: Callable[..., Path], tmp_path: Path) -> Callable[..., Path]:
-    """Write an experiment on a plant that is not simulated and return its path."""
-
-    def write(duration: float = 0.3, controllers: str = "pd: {kind: pd}", safety: str = SAFE, **steps: str) -> Path:
-        off = float(steps.pop("off", "0"))
-        kind = counting_driver(tmp_path, off, **steps)
-        path = experiment(clock="realtime", driver=kind, duration=duration, controllers=controllers, safety=safety)
-        text = path.read_text().replace(
-            "  surface: {position: 0.35 m, stiffness: 800 N/m, damping: 20 N*s/m, friction: 0.2}\n", ""
-        )
-        path.write_text(text)
-        return path
-
-    return write
 
 
 def once_held_then_closed(folder: Path) -> None:
