@@ -18,6 +18,7 @@ from hilrig.experiment.rig_settings import RigSettings
 from hilrig.experiment.schema import ONLY_AXIS, InvalidError, SchemaFinding
 from hilrig.experiment.trial import ALL_PHASES
 from hilrig.kinds import registry as plugins
+from hilrig.kinds.hardware import lacks
 from hilrig.kinds.user_files import code_of
 
 MIN_TICKS = 2
@@ -39,6 +40,7 @@ def cross_checked(experiment: Experiment) -> Experiment:
     findings += [
         *_check_names(experiment), *_check_task(experiment), *_check_time(experiment),
         *_check_abilities(experiment), *_check_faults(experiment), *_check_timing(experiment),
+        *_check_safety(experiment),
     ]  # fmt: skip
     phases, expect = [], []
     axes_known = set(experiment.task.force_axes) <= set(experiment.driver.robot.axes)
@@ -144,8 +146,48 @@ def _check_driver(experiment: Experiment) -> Iterator[SchemaFinding]:
             named = isinstance(axes, tuple) and all(isinstance(axis, str) and _NAME.fullmatch(axis) for axis in axes)
             if not named or not axes or len(set(axes)) < len(axes):
                 raise ValueError(f"the robot's axes are {axes!r}; they must be a tuple of distinct names, such as 'x'")
+            lacking = lacks(experiment.driver)
     except PluginError as error:
         yield SchemaFinding(("driver",), str(error))
+        return
+    for sentence in lacking:
+        yield SchemaFinding(("driver",), sentence)
+
+
+def _check_safety(experiment: Experiment) -> Iterator[SchemaFinding]:
+    """Yield limits that are no limits: looser than the robot's own, of the wrong number, or with nothing between."""
+    robot, safety, axes = experiment.driver.robot, experiment.safety, experiment.driver.robot.axes
+    try:
+        with code_of(experiment.driver):
+            own, (low, high) = robot.torque_limits(), safety.joint_range(robot)
+    except PluginError as error:
+        yield SchemaFinding(("driver",), str(error))
+        return
+    for name in ("torque", "torque_rate", "position_rate"):
+        value = getattr(safety, name)
+        try:
+            given = per_axis(0.0 if value is None else value, robot.joints, name)
+        except ValueError as error:
+            yield SchemaFinding(("safety", name), f"{error} (joints: {robot.joints})")
+            continue
+        if name == "torque" and (given > own).any():
+            joint = int((given - own).argmax())
+            message = (
+                f"{given[joint]:g} N m is more than the robot's own limit of joint {joint + 1}, {own[joint]:g} N m; an "
+                "experiment can only be stricter"
+            )
+            yield SchemaFinding(("safety", name), message)
+    for axis, ends in safety.workspace.items():
+        path: Keys = ("safety", "workspace", axis)
+        if axis not in axes:
+            yield SchemaFinding(path, _no_axis(axis, axes), on_key=True)
+        elif len(ends) != 2 or not ends[0] < ends[1]:
+            yield SchemaFinding(path, f"{list(ends)} is no range: give the lowest and the highest position, in m")
+    if (low >= high).any():
+        joint = int((low - high).argmax())
+        yield SchemaFinding(("safety", "joint_margin"), f"it leaves joint {joint + 1} nowhere to be")
+    if experiment.driver.servo_gain is None and ("position" in safety.trip_on or "position_rate" in safety.trip_on):
+        yield SchemaFinding(("safety", "trip_on"), "this driver takes torques, and positions are not commanded")
 
 
 def _check_abilities(experiment: Experiment) -> Iterator[SchemaFinding]:

@@ -106,5 +106,5 @@ class Limits:
         return np.asarray(low) + self.joint_margin, np.asarray(high) - self.joint_margin
 
     def tip_range(self, axes: tuple[str, ...]) -> Array:
-        """Return the lowest and highest position of the tip, (m, 2) m; infinite where there is no limit."""
-        return np.array([self.workspace.get(axis, (-np.inf, np.inf)) for axis in axes], dtype=np.float64)
+        """Return the lowest and highest position of the tip, (2, m) m; infinite where there is no limit."""
+        return np.array([self.workspace.get(axis, (-np.inf, np.inf)) for axis in axes], dtype=np.float64).T.copy()

@@ -164,7 +164,7 @@ def answer(tick: int, asked: Array, memory: tuple[Array, ...], arrays: Controlle
     if asked.size != arrays.asked.size:
         return False
     put(arrays.asked, asked)
-    limited = bound_torque(arrays.torque, arrays.torque, asked, arrays.within.torque, arrays.within.torque_step)
+    limited = bound_torque(arrays.torque, asked, arrays.within.torque)
     if limited & (arrays.within.trips | NOT_FINITE):
         return False
     rows.command.limited[row] = limited

@@ -100,8 +100,8 @@ class DriverNode:
 
     @property
     def fresh(self) -> bool:
-        """Whether the last sample was new"""
-        return bool(self.arrays.observation.sample[1])
+        """Whether the last sample was new; that of the first tick always is, even if it was also read to begin"""
+        return bool(self.arrays.observation.sample[1]) or self.arrays.clock[0] == 0
 
     def measure(self, tick: int, left_out: int = 0) -> None:
         """Measure at `tick` into the next row, after `left_out` ticks that were not done. Raises Tripped."""
@@ -150,6 +150,13 @@ class DriverNode:
 
         Raises Tripped beyond a safety limit, PluginError if the plant yields something else.
         """
+        self.busy = True
+        try:
+            return self._step(stage, steps, quiet)
+        finally:
+            self.busy = False
+
+    def _step(self, stage: str, steps: Iterator[Progress], quiet: PlantDisturbance) -> Progress | None:
         last = self.arrays.last_position.copy() if self._begun else None
         if last is None:
             self.first()

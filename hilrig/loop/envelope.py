@@ -31,18 +31,12 @@ WORDS = {
 
 
 class Envelope(NamedTuple):
-    """The limits on commands; inf where there is none."""
+    """The limits on commands: the lowest, the highest, the largest change in a period; infinite if there is none."""
 
     torque: Array
-    """Largest magnitude, (n,) N m"""
-    torque_step: Array
-    """Largest change from one period to the next, (n,) N m"""
-    lowest: Array
-    """Lowest joint position, (n,) rad"""
-    highest: Array
-    """Highest joint position, (n,) rad"""
-    position_step: Array
-    """Largest change from one period to the next, (n,) rad"""
+    """(3, n) N m"""
+    position: Array
+    """(3, n) rad"""
     trips: int
     """Bits of `Limited` that end the trial"""
 
@@ -55,32 +49,18 @@ def envelope(trial: Trial) -> Envelope:
     if trial.driver.servo_gain is None:
         low, high, step = np.full(n, -np.inf), np.full(n, np.inf), np.full(n, np.inf)
     trips = NOT_FINITE | sum(int(Limited[name.upper()]) for name in limits.trip_on)
-    return Envelope(
-        limits.largest_torque(robot), limits.torque_step(robot, trial.period), low, high, step, int(trips)
-    )  # fmt: skip
+    largest = limits.largest_torque(robot)
+    torque = np.array([-largest, largest, limits.torque_step(robot, trial.period)])
+    return Envelope(torque, np.array([low, high, step]), int(trips))
 
 
 @kernel_without_arrays
-def bound_torque(torque: Array, last: Array, asked: Array, largest: Array, step: Array) -> int:
-    """Write `asked` (n,) into `torque`, within +- `largest` and within `step` of `last`; return the bits of `Limited`.
+def bound_torque(torque: Array, asked: Array, within: Array) -> int:
+    """Bring `asked` (n,) within `Envelope.torque`, relative to the last torque, and write it there, into `torque` (n,).
 
-    `torque` may be `last`. If `asked` is not finite, nothing is written. The nearest torque within both is taken; where
-    `last` is so far outside that there is none, the magnitude is kept.
+    Return the bits of `Limited`. If `asked` is not finite, nothing is written.
     """
-    for i in range(asked.size):
-        if not np.isfinite(asked[i]):
-            return NOT_FINITE
-    bits = 0
-    for i in range(asked.size):
-        value = asked[i]
-        if abs(value - last[i]) > step[i]:
-            value = min(max(value, last[i] - step[i]), last[i] + step[i])
-            bits |= TORQUE_RATE
-        if abs(value) > largest[i]:
-            value = min(max(value, -largest[i]), largest[i])
-            bits |= TORQUE
-        torque[i] = value
-    return bits
+    return _bring_within(torque, asked, within, TORQUE, TORQUE_RATE) if _finite(asked) else NOT_FINITE
 
 
 @kernel_without_arrays
@@ -89,21 +69,36 @@ def bound(torque: Array, position: Array, within: Envelope, applied: Command) ->
 
     Return the bits of `Limited`. If the command is not finite, nothing is written.
     """
-    for i in range(position.size):
-        if not np.isfinite(position[i]):
-            return NOT_FINITE
-    bits = bound_torque(applied.torque, applied.torque, torque, within.torque, within.torque_step)
-    if bits & NOT_FINITE:
-        return bits
-    for i in range(position.size):
-        value, last, step = position[i], applied.position[i], within.position_step[i]
-        if abs(value - last) > step:
-            value = min(max(value, last - step), last + step)
-            bits |= POSITION_RATE
-        if value < within.lowest[i] or value > within.highest[i]:
-            value = min(max(value, within.lowest[i]), within.highest[i])
-            bits |= POSITION
-        applied.position[i] = value
+    if not (_finite(torque) and _finite(position)):
+        return NOT_FINITE
+    bits = _bring_within(applied.torque, torque, within.torque, TORQUE, TORQUE_RATE)
+    return bits | _bring_within(applied.position, position, within.position, POSITION, POSITION_RATE)
+
+
+@kernel_without_arrays
+def _finite(values: Array) -> bool:
+    finite = True
+    for i in range(values.size):
+        finite = finite and np.isfinite(values[i])
+    return finite
+
+
+@kernel_without_arrays
+def _bring_within(last: Array, asked: Array, within: Array, beyond: int, too_fast: int) -> int:
+    """Write the value nearest to `asked` that is within the limits into `last` (n,); return the bits of what it broke.
+
+    Where `last` is so far outside that nothing is within both its step and its range, the range counts.
+    """
+    bits = 0
+    for i in range(asked.size):
+        value, before, lowest, highest, step = asked[i], last[i], within[0, i], within[1, i], within[2, i]
+        if abs(value - before) > step:
+            value = min(max(value, before - step), before + step)
+            bits |= too_fast
+        if value < lowest or value > highest:
+            value = min(max(value, lowest), highest)
+            bits |= beyond
+        last[i] = value
     return bits
 
 

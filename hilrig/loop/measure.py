@@ -39,10 +39,10 @@ class DriverArrays(NamedTuple):
     """What the plant received last; the command that holds it, before the first tick"""
     limited: NDArray[np.int64]
     """Bits of `Limited` of the last command, (1,)"""
-    joint_range: tuple[Array, Array]
-    """Lowest and highest joint positions, (n,) rad each"""
+    joint_range: Array
+    """Lowest and highest joint positions, (2, n) rad"""
     tip_range: Array
-    """Lowest and highest position of the tip, (m, 2) m"""
+    """Lowest and highest position of the tip, (2, m) m"""
     tip_force_limit: float
     """N"""
     joint_velocity_limit: float
@@ -80,7 +80,9 @@ def note_measurement(tick: int, surface: float, arrays: DriverArrays, rows: Driv
     finite, force, step = extremes(exact.joint_position, arrays.last_position, exact.wrench)
     if not finite or force > arrays.tip_force_limit or step / arrays.period > arrays.joint_velocity_limit:
         return False
-    if out_of_range(exact.joint_position, arrays.observation.truth.position, arrays):
+    if outside(exact.joint_position, arrays.joint_range) or outside(
+        arrays.observation.truth.position, arrays.tip_range
+    ):
         return False
     put(arrays.last_position, exact.joint_position)
     rows.state.tick[row] = rows.truth.tick[row] = tick
@@ -92,35 +94,27 @@ def note_measurement(tick: int, surface: float, arrays: DriverArrays, rows: Driv
 
 
 @kernel_without_arrays
-def out_of_range(q: Array, tip: Array, arrays: DriverArrays) -> bool:
-    """Return whether a joint (n,) rad, or the tip (m,) m where it is known, is outside its range."""
-    (low, high), ends = arrays.joint_range, arrays.tip_range
-    outside = False
-    for i in range(q.size):
-        outside = outside or q[i] < low[i] or q[i] > high[i]
-    for i in range(tip.size):  # nan, an unknown tip, is never outside
-        outside = outside or tip[i] < ends[i, 0] or tip[i] > ends[i, 1]
-    return outside
+def outside(values: Array, ends: Array) -> bool:
+    """Return whether any of the values (k,) is outside its range (2, k). nan, an unknown value, never is."""
+    found = False
+    for i in range(values.size):
+        found = found or values[i] < ends[0, i] or values[i] > ends[1, i]
+    return found
 
 
 @kernel_without_arrays
-def apply(tick: int, torque: Array, position: Array, arrays: DriverArrays, rows: DriverRows) -> bool:
-    """Bring a command within the envelope, into `arrays.applied`; record it if that changed it.
-
-    Returns False if it ends the trial.
-    """
-    bits = bound(torque, position, arrays.within, arrays.applied)
+def note_bounded(tick: int, bits: int, arrays: DriverArrays, rows: DriverRows) -> bool:
+    """Record that the envelope changed the command of a tick, and why. Returns False if that ends the trial."""
     arrays.limited[0] = bits
     if bits & arrays.within.trips:
         return False
-    if bits:
-        applied, row = rows.applied, rows.changed[0]
-        row = min(row, applied.tick.size - 1)  # a kernel does not check an index
-        applied.tick[row], applied.time[row] = tick, tick * arrays.period
-        put(applied.torque[row], arrays.applied.torque)
-        put(applied.position[row], arrays.applied.position)
-        applied.limited[row] = bits
-        rows.changed[0] = row + 1
+    applied, row = rows.applied, rows.changed[0]
+    row = min(row, applied.tick.size - 1)  # a kernel does not check an index
+    applied.tick[row], applied.time[row] = tick, tick * arrays.period
+    put(applied.torque[row], arrays.applied.torque)
+    put(applied.position[row], arrays.applied.position)
+    applied.limited[row] = bits
+    rows.changed[0] = row + 1
     return True
 
 
@@ -175,7 +169,8 @@ def driver_template(
             plant_advance(plant, state, now, arrays.applied.torque, arrays.applied.position)
         rows.written[0] = row
         yield measure(tick, plant, state, arrays, rows)
-        within = apply(tick, acting.torque, acting.position, arrays, rows)
+        bits = bound(acting.torque, acting.position, arrays.within, arrays.applied)
+        within = bits == 0 or note_bounded(tick, bits, arrays, rows)
         if within:
             now = plant_disturbance(arrays.schedule, tick)
             plant_advance(plant, state, now, arrays.applied.torque, arrays.applied.position)
@@ -204,13 +199,12 @@ def driver_arrays(trial: Trial) -> DriverArrays:
     observation = Observation.empty(n, m)
     past = Measurement(np.zeros((depth, n)), np.zeros((depth, 6)), np.zeros((depth, n)))
     limits = trial.limits
-    low, high = limits.joint_range(trial.driver.robot)
     return DriverArrays(
         schedule,
         envelope(trial),
         Command(np.zeros(n), np.zeros(n)),
         np.zeros(1, np.int64),
-        (low, high),
+        np.array(limits.joint_range(trial.driver.robot)),
         limits.tip_range(trial.axes),
         limits.tip_force,
         limits.joint_velocity,

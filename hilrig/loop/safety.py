@@ -25,13 +25,13 @@ def extremes(q: Array, last_q: Array, wrench: Array) -> tuple[bool, float, float
     return finite, np.sqrt(wrench[0] ** 2 + wrench[1] ** 2 + wrench[2] ** 2), step
 
 
-def why_outside(tick: int, q: Array, tip: Array, joints: tuple[Array, Array], tips: Array, period: float) -> str:
-    """Return why the joints (n,) rad or the tip (m,) m end the trial; empty if they are in their ranges."""
+def why_outside(tick: int, q: Array, tip: Array, joints: Array, tips: Array, period: float) -> str:
+    """Return why the joints (n,) rad or the tip (m,) m end the trial; empty if they are in their ranges, (2, k)."""
     at = f"t = {tick * period:.4g} s (tick {tick})"
     for i, (value, low, high) in enumerate(zip(q, *joints, strict=True)):
         if not low <= value <= high:
             return f"joint {i + 1} is at {value:.4g} rad at {at}, outside its range of {low:.4g} to {high:.4g} rad"
-    for i, (value, (low, high)) in enumerate(zip(tip, tips, strict=True)):
+    for i, (value, low, high) in enumerate(zip(tip, *tips, strict=True)):
         if value < low or value > high:
             return f"the tip is at {value:.4g} m along axis {i + 1} at {at}, outside {low:.4g} to {high:.4g} m"
     return ""

@@ -16,7 +16,8 @@ from hilrig.core.signals import Array, Command, PlantDisturbance, Reference, Sta
 from hilrig.loop.control import ControllerArrays, answer, since
 from hilrig.loop.controller_node import ControllerNode
 from hilrig.loop.driver_node import DriverNode
-from hilrig.loop.measure import DriverArrays, apply, measuring
+from hilrig.loop.envelope import bound
+from hilrig.loop.measure import DriverArrays, measuring, note_bounded
 from hilrig.loop.rows import ControllerRows, DriverRows, put
 from hilrig.loop.ticks import Ending
 
@@ -69,7 +70,9 @@ def act_template(
     slot, due = tick % slots, (tick - arrays.delay) % slots
     put(arrays.commands.torque[slot], rows.controller.command.torque[row])
     put(arrays.commands.position[slot], rows.controller.command.position[row])
-    if not apply(tick, arrays.commands.torque[due], arrays.commands.position[due], arrays.driver, rows.driver):
+    torque, position = arrays.commands.torque[due], arrays.commands.position[due]
+    bits = bound(torque, position, arrays.driver.within, arrays.driver.applied)
+    if bits != 0 and not note_bounded(tick, bits, arrays.driver, rows.driver):
         return False
     now = plant_disturbance(arrays.driver.schedule, tick)
     plant_advance(plant, state, now, arrays.driver.applied.torque, arrays.driver.applied.position)

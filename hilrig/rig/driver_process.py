@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hilrig.core.errors import Stopped, Tripped
+from hilrig.core.errors import Stopped
 from hilrig.core.interfaces import Progress
 from hilrig.loop.driver_node import DriverNode
 from hilrig.loop.life_cycle import Ending, in_words, live
@@ -69,21 +69,24 @@ class BusWire:
         self._watchdog = Watchdog(node, self._age.limit_s, lambda why: child.tell("tripped", reason=why))
 
     def enter(self, stage: str) -> None:
-        """Tell the supervisor that a stage begins; the watchdog watches the ticks only."""
+        """Tell the supervisor that a stage begins. The watchdog watches from the first one that moves the plant."""
         self._child.tell("stage", stage=stage)
         self._stages.enter(stage)
+        if stage == "release":
+            self._watchdog.stop()
+        elif stage != "connect" and self._realtime:
+            self._watchdog.start()
         if stage == "ticks" and self._realtime:
             await_sample = getattr(self._node.plant, "await_sample", None)
             if await_sample is not None and self._node.trial.rig.pace == "samples":
                 self._timer = Samples(await_sample, self._period, self._age.sample_limit_s)
-            self._watchdog.start()
-        elif stage == "release":
-            self._watchdog.stop()
 
     def wait_in_stage(self, number: int) -> float:
-        """Wait for a period of a stage; return the time since its first one, s. Raises Stopped."""
+        """Wait for a period of a stage; return the time since its first one, s. Raises Stopped, Tripped."""
         self._pacer.wait(number)
-        self._check_orders(time.monotonic_ns())
+        self._watchdog.stroke(time.monotonic_ns())
+        self._watchdog.check()
+        self._check_orders()
         return self._stages.elapsed()
 
     def note_stage(self, progress: Progress) -> None:
@@ -107,14 +110,14 @@ class BusWire:
         if woke > self._next_report:
             self._next_report = woke + PROGRESS_NS
             self._child.tell("progress", tick=tick)
-            self._check_orders(woke)
+            self._check_orders()
         self._child.signals.check()
         self._watchdog.stroke(woke)
         if self._injector is not None:
             self._injector.stall(tick)
         return tick
 
-    def _check_orders(self, now: int) -> None:
+    def _check_orders(self) -> None:
         self._child.signals.check()
         if self._child.told_to_stop():
             raise Stopped("by order")
@@ -140,8 +143,7 @@ class BusWire:
         self._collect(wanted)
         self._applied = time.monotonic_ns()
         if self._realtime:
-            if self._watchdog.bitten_ns:
-                raise Tripped(self._watchdog.why())
+            self._watchdog.check()
             self._age.check(tick, self._acting, self._applied, self._node.fresh)
         else:
             self._note(tick)
@@ -165,7 +167,7 @@ class BusWire:
     def _note(self, tick: int) -> None:
         """Write the time stamps of this tick; hand over the record when the batches are full."""
         if self._certified:
-            stamp, fresh = self._node.arrays.observation.sample
+            stamp, fresh = self._node.arrays.observation.sample[0], self._node.fresh
             sampled = self._begun.sampled if np.isnan(stamp) else round(stamp * NANOSECONDS)
             self._record.stamps.append((
                 tick, tick * self._period, self._begun.due, self._woke, self._published, self._acting, self._received,
@@ -193,7 +195,8 @@ class BusWire:
     def account(self) -> dict[str, Any]:
         """Return what the supervisor is to know of the end."""
         stages = self._stages.durations
-        age = self._age.age(self._node.held_ns) * 1e-9 if self._realtime and "ticks" in stages else None
+        ticking = self._realtime and "ticks" in stages and "retract" not in stages
+        age = self._age.age(self._node.held_ns) * 1e-9 if ticking else None
         return {"loop_s": stages.get("ticks"), "stages": stages, "held_command_age_s": age}
 
 

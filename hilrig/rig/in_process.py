@@ -45,8 +45,11 @@ class Caller:
         self._next_report_ns = 0
 
     def look(self, tick: int, now_ns: int) -> None:
-        """Report that `tick` comes next, if it is time to. Raises Stopped when told to end."""
-        if now_ns > self._next_report_ns:
+        """Report that `tick` comes next, if it is time to. Raises Stopped when told to end.
+
+        That the first tick is done is always reported: what is compiled at its first use is there from then on.
+        """
+        if now_ns > self._next_report_ns or tick == 1:
             self._next_report_ns = now_ns + PROGRESS_NS
             self._report(tick)
             if self._stop():
@@ -259,11 +262,12 @@ def _do_blocks(
             except Stopped as stop:
                 ending = Ending("aborted", str(stop), whole.tick)
                 break
-            batches, rows = blocks.room(min(BLOCK, trial.ticks - whole.tick))
+            block = min(BLOCK if whole.tick else 1, trial.ticks - whole.tick)
+            batches, rows = blocks.room(block)
             began = time.monotonic()
             try:
                 with law_memory.bounded():
-                    ending = whole.do(BLOCK, rows)
+                    ending = whole.do(block, rows)
             finally:
                 loop_s += time.monotonic() - began
                 earlier, recorded = recorded, thread.submit(blocks.store, batches, rows)

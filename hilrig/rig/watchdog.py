@@ -79,14 +79,16 @@ class Watchdog:
     def __init__(self, node: DriverNode, limit_s: float, tell: Callable[[str], None]) -> None:
         """`tell` is told why the plant was held."""
         self._node, self._limit_s, self._tell = node, limit_s, tell
-        self._over, self._seen = Event(), 0
+        self._over, self._seen, self._watching = Event(), 0, False
         self.bitten_ns = 0
         """How long the loop had been away when the plant was held, ns; 0 if it was not. Latched"""
 
     def start(self) -> None:
-        """Watch from now on."""
+        """Watch from now on, if it does not yet."""
         self._seen = time.monotonic_ns()
-        Thread(target=self._watch, name="watchdog", daemon=True).start()
+        if not self._watching:
+            self._watching = True
+            Thread(target=self._watch, name="watchdog", daemon=True).start()
 
     def stroke(self, now: int) -> None:
         """Note that the loop has come round, at `now` ns."""
@@ -95,6 +97,11 @@ class Watchdog:
     def stop(self) -> None:
         """Watch no longer."""
         self._over.set()
+
+    def check(self) -> None:
+        """Raise Tripped if the plant was held."""
+        if self.bitten_ns:
+            raise Tripped(self.why())
 
     def why(self) -> str:
         """Return why the plant was held."""

@@ -143,7 +143,7 @@ class _Supervision:
     def _hung(self) -> str:
         """Return why the worker counts as hung; empty if it does not."""
         silent = self._silence.look()
-        if self._began is None:
+        if self._ticks == 0:  # what is compiled at its first use may take long, as the law's start may
             return f"not ready after {READY_TIMEOUT_S:g} s: {ROLE}" if silent > READY_TIMEOUT_S else ""
         if silent > SILENCE_TIMEOUT_S:
             return f"no progress for {SILENCE_TIMEOUT_S:g} s after tick {self._ticks}"

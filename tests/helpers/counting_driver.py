@@ -32,7 +32,7 @@ class Counting:
 
     robot: Robot
 
-    def connect(self, start):
+    def connect(self, start) -> "Arm":
         note("connect")
         {connect}
         return Arm(start)

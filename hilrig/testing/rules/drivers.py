@@ -9,6 +9,7 @@ import numpy as np
 
 from hilrig import Array, Command, DisturbanceSchedule, Driver, Measurement, Observation, Plant, Truth
 from hilrig.core.errors import PluginError
+from hilrig.kinds.hardware import lacks
 from hilrig.kinds.registry import name_of
 from hilrig.testing.plants import (
     CLEAR,
@@ -40,6 +41,13 @@ def capabilities_are_of_the_known_words(driver: Driver) -> None:
     require(not unknown, f"it names {', '.join(unknown)} (known: {', '.join(INPUTS)})")
     require(isinstance(simulated, bool), f"`simulated` is {simulated!r}")
     require(isinstance(stop_time, (int, float)) and 0 <= stop_time < np.inf, f"`stop_time` is {stop_time!r}")
+
+
+@rule("drivers")
+def hardware_can_be_held(driver: Driver) -> None:
+    """A plant that is not simulated must offer `hold`, say how long it takes, and yield in its stages."""
+    problems = lacks(driver)
+    require(not problems, "; ".join(problems))
 
 
 @rule("drivers")

@@ -36,6 +36,16 @@ BROKEN: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "share of late ticks": ("controllers:", "timing: {late_fraction: §150 %}\ncontrollers:", ("'150 %' is not allowed", "from 0 to 1")),
     "share with a unit": ("controllers:", "timing: {late_fraction: §1 ms}\ncontrollers:", ("'1 ms' is a time", "a pure number")),
     "unknown budget": ("controllers:", "timing: {§late_fracton: 1 %}\ncontrollers:", ("'late_fracton'", "did you mean 'late_fraction'")),
+    # safety
+    "torque beyond the robot's": ("controllers:", "safety: {torque: §[500 N*m, 20]}\ncontrollers:", ("500 N m is more than the robot's own limit of joint 1, 200 N m",)),
+    "a torque too many": ("controllers:", "safety: {torque_rate: §[1, 2, 3]}\ncontrollers:", ("3 values given; this needs 1 or 2 (joints: 2)",)),
+    "workspace of no axis": ("controllers:", "safety: {workspace: {§y: [0, 1]}}\ncontrollers:", ("the robot has no axis 'y'", "axes: x, z")),
+    "workspace upside down": ("controllers:", "safety: {workspace: {z: §[0.5 m, 0.1 m]}}\ncontrollers:", ("[0.5, 0.1] is no range", "the lowest and the highest")),
+    "workspace with one end": ("controllers:", "safety: {workspace: {z: §[0.5 m]}}\ncontrollers:", ("[0.5] is no range",)),
+    "margin that leaves nothing": ("controllers:", "safety: {joint_margin: §4 rad}\ncontrollers:", ("leaves joint 1 nowhere to be",)),
+    "trip on what is not commanded": ("controllers:", "safety: {trip_on: §[position]}\ncontrollers:", ("this driver takes torques",)),
+    "trip on no limit": ("controllers:", "safety: {trip_on: [§speed]}\ncontrollers:", ("'speed' is not allowed", "'torque_rate'")),
+    "law without memory": ("controllers:", "rig: {law_memory: §1 MB}\ncontrollers:", ("1 MB", "not allowed")),
     # keys
     "unknown key": ("period:", "§perod:", ("'perod'", "did you mean 'period'", "allowed", "repeats")),
     "unknown parameter": ("{kind: pd}", "{kind: pd, §stifness: 3}", ("'stifness'", "'stiffness'", "damping")),

@@ -161,7 +161,7 @@ def test_what_is_received_is_finite_and_within_every_limit(commands: list[Any]) 
 def test_a_torque_within_its_limits_is_kept(asked: tuple[float, float], last: tuple[float, float]) -> None:
     """And where nothing limits its rate, each joint's is the nearest within its limit."""
     torque, wanted = np.array(last), np.array(asked)
-    bits = bound_torque(torque, np.array(last), wanted, TORQUE, np.full(2, np.inf))
+    bits = bound_torque(torque, wanted, np.array([-TORQUE, TORQUE, np.full(2, np.inf)]))
     if np.isfinite(wanted).all():
         np.testing.assert_array_equal(torque, np.clip(wanted, -TORQUE, TORQUE))
         assert bits == (Limited.TORQUE if (np.abs(wanted) > TORQUE).any() else 0)
