@@ -12,7 +12,7 @@ from hilrig.core.interfaces import Plant, Progress
 from hilrig.core.signals import Array, Command, PlantDisturbance, plant_disturbance
 from hilrig.experiment.trial import Trial, trial_start
 from hilrig.loop.envelope import bound, why_bounded
-from hilrig.loop.measure import DriverArrays, driver_arrays, driver_ticks
+from hilrig.loop.measure import DriverArrays, driver_arrays, driver_ticks, since_sample
 from hilrig.loop.plain_parts import plant_kernels, take, take_measurement
 from hilrig.loop.rows import DriverRows
 from hilrig.loop.safety import why_outside, why_unsafe
@@ -89,9 +89,15 @@ class DriverNode:
         return hold
 
     def _look(self, now: PlantDisturbance) -> None:
-        seen = self.arrays.observation
-        take_measurement(seen, self.plant.measure(now), f"driver {self._name}: measure")
-        self.arrays.last_position[:] = seen.measurement.joint_position
+        take_measurement(self.arrays.observation, self.plant.measure(now), f"driver {self._name}: measure")
+        self._seen()
+
+    def _seen(self) -> None:
+        """Remember the last measurement, for the rates."""
+        arrays = self.arrays
+        arrays.last_position[:] = arrays.observation.measurement.joint_position
+        if arrays.observation.sample[1]:
+            arrays.last_sample[1] = arrays.observation.sample[0]
 
     @property
     def joint_position(self) -> Array:
@@ -157,14 +163,14 @@ class DriverNode:
             self.busy = False
 
     def _step(self, stage: str, steps: Iterator[Progress], quiet: PlantDisturbance) -> Progress | None:
-        last = self.arrays.last_position.copy() if self._begun else None
-        if last is None:
+        if not self._begun:
             self.first()
-        self._look(quiet)
-        seen = self.arrays.observation.measurement
-        why = why_unsafe(
-            BEFORE_TICKS, seen, seen.joint_position if last is None else last, self.trial.period, self.trial.limits
-        )
+        last, arrays = self.arrays.last_position.copy(), self.arrays
+        take_measurement(arrays.observation, self.plant.measure(quiet), f"driver {self._name}: measure")
+        elapsed = since_sample(BEFORE_TICKS, arrays)
+        self._seen()
+        exact, period = arrays.observation.measurement, self.trial.period
+        why = why_unsafe(BEFORE_TICKS, exact, last, period, self.trial.limits, elapsed)
         if why:
             raise Tripped(f"{stage}: {why}")
         progress = next(steps, None)
@@ -206,7 +212,8 @@ class DriverNode:
         """Return why the measurement of `tick`, the last one, ends the trial."""
         arrays, period = self.arrays, self.trial.period
         exact, tip = arrays.observation.measurement, arrays.observation.truth.position
-        return why_unsafe(tick, exact, arrays.last_position, period, self.trial.limits) or why_outside(
+        elapsed = since_sample(tick, arrays)
+        return why_unsafe(tick, exact, arrays.last_position, period, self.trial.limits, elapsed) or why_outside(
             tick, exact.joint_position, tip, arrays.joint_range, arrays.tip_range, period
         )
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
-from hilrig.core.errors import Stopped, TimedOut, Tripped
+from hilrig.core.errors import RigError, Stopped, TimedOut, Tripped, describe_error
 from hilrig.core.interfaces import Progress
 from hilrig.core.signals import still
 from hilrig.experiment.trial import Trial
@@ -39,8 +39,31 @@ class StageWire(Wire, Protocol):
 def live(node: DriverNode, wire: StageWire) -> Ending:
     """Live through a trial and return how it ended.
 
-    Raises PluginError, RigError and whatever a plant raises; the plant is held and closed before.
+    Raises PluginError, RigError and whatever a plant raises; the plant is held and closed before. That it could not be
+    held is told beside whatever ended the trial.
     """
+    try:
+        ending = _until_release(node, wire)
+    except BaseException as error:
+        if stuck := _release(node, wire):
+            raise RigError(f"{describe_error(error)}; {stuck}") from error
+        raise
+    if stuck := _release(node, wire):
+        return Ending("failed", f"{ending.reason}; {stuck}" if ending.reason else stuck, ending.ticks)
+    return ending
+
+
+def _release(node: DriverNode, wire: StageWire) -> str:
+    """Hold and close the plant; return why that was not possible, empty if it was."""
+    wire.enter("release")
+    try:
+        node.release()
+    except RigError as error:
+        return str(error)
+    return ""
+
+
+def _until_release(node: DriverNode, wire: StageWire) -> Ending:
     ticks = 0
     try:
         if not node.connected:
@@ -61,9 +84,6 @@ def live(node: DriverNode, wire: StageWire) -> Ending:
         return Ending("timed_out", str(late), ticks)
     except Stopped as stop:
         return Ending("aborted", str(stop), ticks)
-    finally:
-        wire.enter("release")
-        node.release()
 
 
 def _do_stage(node: DriverNode, wire: StageWire, stage: str) -> None:

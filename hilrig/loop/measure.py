@@ -53,6 +53,8 @@ class DriverArrays(NamedTuple):
     """The tick that comes next, and the number of ticks left out before it, (2,)"""
     last_position: Array
     """The plant's joint positions at the previous tick, without sensor errors, (n,) rad"""
+    last_sample: Array
+    """Tick and stamp (s) of the last fresh sample, (2,); nan if it had no stamp"""
     observation: Observation
     """What the plant reports now"""
     past: Measurement
@@ -78,19 +80,28 @@ def note_measurement(tick: int, surface: float, arrays: DriverArrays, rows: Driv
     """Check the observation of `tick` and record it in the next row; return whether it is safe to continue."""
     exact, row = arrays.observation.measurement, rows.written[0]
     finite, force, step = extremes(exact.joint_position, arrays.last_position, exact.wrench)
-    if not finite or force > arrays.tip_force_limit or step / arrays.period > arrays.joint_velocity_limit:
+    if not finite or force > arrays.tip_force_limit or step / since_sample(tick, arrays) > arrays.joint_velocity_limit:
         return False
     if outside(exact.joint_position, arrays.joint_range) or outside(
         arrays.observation.truth.position, arrays.tip_range
     ):
         return False
     put(arrays.last_position, exact.joint_position)
+    if arrays.observation.sample[1] != 0.0:
+        arrays.last_sample[0], arrays.last_sample[1] = tick, arrays.observation.sample[0]
     rows.state.tick[row] = rows.truth.tick[row] = tick
     rows.state.time[row] = rows.truth.time[row] = tick * arrays.period
     note_state(tick, row, arrays, rows)
     note_truth(row, surface, arrays.observation.truth, rows)
     rows.written[0] = row + 1
     return True
+
+
+@kernel_without_arrays
+def since_sample(tick: int, arrays: DriverArrays) -> float:
+    """Return the time since the last fresh sample, s: by the stamps if there are any, else by the ticks."""
+    stamp, last = arrays.observation.sample[0], arrays.last_sample[1]
+    return stamp - last if stamp > last else max(tick - arrays.last_sample[0], 1.0) * arrays.period
 
 
 @kernel_without_arrays
@@ -211,6 +222,7 @@ def driver_arrays(trial: Trial) -> DriverArrays:
         trial.period,
         np.zeros(2, np.int64),
         np.zeros(n),
+        np.array([0.0, np.nan]),
         observation,
         past,
         np.zeros((depth, 2)),

@@ -37,15 +37,20 @@ def why_outside(tick: int, q: Array, tip: Array, joints: Array, tips: Array, per
     return ""
 
 
-def why_unsafe(tick: int, measurement: Measurement, last_q: Array, period: float, limits: Limits) -> str:
-    """Return why this measurement ends the trial: the limit, the value and the time. Empty if it is within limits."""
+def why_unsafe(
+    tick: int, measurement: Measurement, last_q: Array, period: float, limits: Limits, elapsed: float | None = None
+) -> str:
+    """Return why this measurement ends the trial: the limit, the value and the time. Empty if it is within limits.
+
+    `elapsed` is the time since the sample of `last_q`, s; the period by default.
+    """
     q, wrench = measurement.joint_position, measurement.wrench
     finite, force, step = extremes(q, last_q, wrench)
     if not finite:
         return f"tick {tick}: the measurement is not finite: joints {q}, wrench {wrench}"
     for what, value, limit, unit in (
         ("tip force", force, limits.tip_force, "N"),
-        ("joint velocity", step / period, limits.joint_velocity, "rad/s"),
+        ("joint velocity", step / (elapsed or period), limits.joint_velocity, "rad/s"),
     ):
         if value > limit:
             at = f"t = {tick * period:.4g} s (tick {tick})"

@@ -37,8 +37,11 @@ class Receiving:
     q: Array
     received: list[Command]
 
+    stamp: float = np.nan
+    fresh: bool = True
+
     def measure(self, disturbance: PlantDisturbance) -> Measurement:
-        return Measurement(self.q.copy(), np.zeros(6), np.zeros(2))
+        return Measurement(self.q.copy(), np.zeros(6), np.zeros(2), self.stamp, self.fresh)
 
     def advance(self, command: Command, disturbance: PlantDisturbance) -> None:
         self.received.append(command)
@@ -229,3 +232,19 @@ def test_a_tip_beyond_the_workspace_ends_the_trial() -> None:
         Tripped, match=r"the tip is at 0\.1 m along axis 1 at t = 0 s \(tick 0\), outside 0\.101 to 0\.2 m"
     ):
         nodes.driver.measure(0)
+
+
+@pytest.mark.parametrize("stamped", [False, True])
+@pytest.mark.parametrize(("step", "trips"), [(0.0039, False), (0.0041, True)])
+def test_a_velocity_is_that_between_two_fresh_samples(stamped: bool, step: float, trips: bool) -> None:
+    """One was lost, so a joint has two periods for its step: 2 rad/s are 4 mrad."""
+    nodes, _ = receiving(Limits(joint_velocity=2.0))
+    plant: Any = nodes.driver.plant
+    for tick, (moved, fresh) in enumerate([(0.0, True), (0.0, False), (step, True)]):
+        plant.q[0], plant.fresh = 0.3 + moved, fresh
+        plant.stamp = 70.0 + (tick - (not fresh)) * 1e-3 if stamped else np.nan
+        if tick == 2 and trips:
+            with pytest.raises(Tripped, match=r"joint velocity 2\.05 rad/s"):
+                nodes.driver.measure(tick)
+        else:
+            assert give(nodes, tick, REST.torque, REST.position) == ""
