@@ -76,6 +76,30 @@ def measure(
 
 
 @app.command()
+def holds(
+    trials: Annotated[int, typer.Option(min=4, help="Trials, of four ways in which a controller fails.")] = 200,
+    out: Annotated[Path | None, typer.Option(help="Keep the run in this folder.", show_default=False)] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure how old the command in effect is when the plant is held: the controller is killed, stopped, or hangs.
+
+    Real processes in real time on a plant that is not simulated; about 20 minutes for 200 trials.
+
+    Exit code: 0 every plant was held in time, 1 one was not.
+    """
+    from benchmarks.holds.measure import measure_holds, render
+
+    with tempfile.TemporaryDirectory(prefix="holds-") as folder:
+        found = measure_holds(trials, out or Path(folder))
+    if as_json:
+        print_json(found)
+    else:
+        typer.echo(render(found))
+    if any(row["within"] < row["trials"] for row in found["held"]):
+        raise typer.Exit(1)
+
+
+@app.command()
 def stalls(
     count: Annotated[int, typer.Option(min=9, help="Faults to inject, of nine kinds.")] = 1000,
     seed: Annotated[int, typer.Option(help="Seed of the ticks, kinds and durations.")] = 1,

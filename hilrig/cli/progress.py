@@ -22,6 +22,8 @@ class _Clocks(ProgressColumn):
     def render(self, task: Task) -> Text:
         """Return the column for one trial."""
         total, done = task.total or 0.0, task.completed
+        if words := task.fields.get("doing"):
+            return Text(words, style="dim")
         since = task.fields.get("since")
         if not since or not done:
             return Text(f"0 / {total:g} s   starting", style="dim")
@@ -49,7 +51,12 @@ class Display:
         """Show a trial's bar."""
         self._number += 1
         label = f"[{self._number}/{self._count}] {trial.id}"
-        self._tasks[trial.id] = self._bars.add_task(label, total=trial.ticks * trial.period, since=None)
+        total = trial.ticks * trial.period
+        self._tasks[trial.id] = self._bars.add_task(label, total=total, since=None, doing="")
+
+    def doing(self, trial: Trial, words: str) -> None:
+        """Show what the plant does instead of the time."""
+        self._bars.update(self._tasks[trial.id], doing=words)
 
     def progressed(self, trial: Trial, tick: int) -> None:
         """Move a trial's bar."""

@@ -42,6 +42,10 @@ class Listener(Protocol):
         """The processes of a trial are being started."""
         ...
 
+    def doing(self, trial: Trial, words: str) -> None:
+        """A trial's plant does this before or after the ticks: "approaching, 1.2 N of 3.5 N"; empty in the ticks."""
+        ...
+
     def progressed(self, trial: Trial, tick: int) -> None:
         """A trial has reached `tick`."""
         ...
@@ -192,7 +196,8 @@ class _Runner:
         try:
             if self._workers:
                 return self._workers[slot].do(trial, report, self._options.stop.is_set)
-            return run_on_bus(self._run, trial, report, self._options.stop.is_set, slot, self._live)
+            doing = partial(self._listener.doing, trial)
+            return run_on_bus(self._run, trial, report, self._options.stop.is_set, slot, self._live, doing)
         except Stopped as stop:  # outside the ticks, where the trial does not turn it into an outcome
             return Outcome.of(trial, "aborted", str(stop), 0, 0.0, {})
         except KeyboardInterrupt:

@@ -20,7 +20,7 @@ def halt(
         Path | None, typer.Option(help="Halt only the runs in progress below this folder.", show_default=False)
     ] = None,
 ) -> None:
-    """Hold every plant of yours on this machine, now, and end all runs.
+    """Hold every plant on this machine, and end all runs.
 
     Each driver holds its plant where it is, closes it, and ends its trial as aborted; no further trial is started. This
     is no emergency stop: it needs a machine and a driver that still work. Keep the robot's own one within reach.

@@ -34,6 +34,9 @@ class WatchedRun:
     def started(self, trial: Trial) -> None:
         """The watcher shows it."""
 
+    def doing(self, trial: Trial, words: str) -> None:
+        """The watcher shows the ticks only."""
+
     def progressed(self, trial: Trial, tick: int) -> None:
         """The watcher shows it."""
 

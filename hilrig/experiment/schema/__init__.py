@@ -2,7 +2,9 @@
 
 from hilrig.experiment.schema.description import ParameterRow as ParameterRow
 from hilrig.experiment.schema.description import describe_kind as describe_kind
+from hilrig.experiment.schema.description import describe_record as describe_record
 from hilrig.experiment.schema.description import json_schema as json_schema
+from hilrig.experiment.schema.description import records_in as records_in
 from hilrig.experiment.schema.reading import read_record as read_record
 from hilrig.experiment.schema.reading import readers_of as readers_of
 from hilrig.experiment.schema.terms import ONLY_AXIS as ONLY_AXIS

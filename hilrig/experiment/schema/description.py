@@ -27,7 +27,18 @@ class ParameterRow(NamedTuple):
 
 def describe_kind(group: str, kind: str) -> tuple[ParameterRow, ...]:
     """Return the parameters of a kind, including nested ones. Raises PluginError if there is no such kind."""
-    return tuple(_rows(plugins.load_kind(group, kind), "", ()))
+    return describe_record(plugins.load_kind(group, kind))
+
+
+def describe_record(cls: type) -> tuple[ParameterRow, ...]:
+    """Return what a dataclass takes from a file, including nested ones."""
+    return tuple(_rows(cls, "", ()))
+
+
+def records_in(cls: type) -> dict[str, type]:
+    """Return the fields of a dataclass that are mappings with keys of their own, and the dataclass of each."""
+    found = ((field.name, bare(annotation)) for field, annotation, _ in settable(cls))
+    return {name: inner for name, inner in found if dataclasses.is_dataclass(inner) and isinstance(inner, type)}
 
 
 def _rows(cls: type, prefix: str, within: tuple[type, ...]) -> list[ParameterRow]:

@@ -25,3 +25,12 @@ def test_a_kind_that_cannot_be_loaded_is_listed_with_the_reason_among_the_others
     assert lines["theirs"].startswith(reason)
     assert "pd" in lines
     assert "theirs" in kinds(tmp_path)
+
+
+def test_a_key_of_the_file_is_described_like_a_kind(tmp_path: Path) -> None:
+    """With units, bounds and defaults: the safety limits among them."""
+    assert "keys          task, safety, rig, timing" in kinds(tmp_path)
+    rows = {line.split()[0]: line.split() for line in kinds(tmp_path, "safety").splitlines() if line.strip()}
+    assert rows["tip_force"][1:5] == ["N", "200", "0.001", "100000"]
+    assert {"torque_rate", "workspace", "command_age", "start_tolerance"} <= set(rows)
+    assert "law_memory" in kinds(tmp_path, "rig")
