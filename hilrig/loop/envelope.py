@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import IntFlag
 from typing import NamedTuple
 
 import numpy as np
@@ -11,23 +10,9 @@ from hilrig.core.compiler import kernel_without_arrays
 from hilrig.core.signals import Array, Command
 from hilrig.experiment.limits import Limits
 from hilrig.experiment.trial import Trial
-
-
-class Limited(IntFlag):
-    """Why a command was changed, or ended the trial: the bits of `limited` in Command.msg and Applied.msg."""
-
-    TORQUE = 1
-    TORQUE_RATE = 2
-    POSITION = 4
-    POSITION_RATE = 8
-    NOT_FINITE = 16
-
+from hilrig.loop.limited import WORDS, Limited
 
 TORQUE, TORQUE_RATE, POSITION, POSITION_RATE, NOT_FINITE = (int(bit) for bit in Limited)
-WORDS = {
-    Limited.TORQUE: "torque", Limited.TORQUE_RATE: "torque rate", Limited.POSITION: "joint position",
-    Limited.POSITION_RATE: "joint position rate",
-}  # fmt: skip
 
 
 class Envelope(NamedTuple):

@@ -29,7 +29,7 @@ from hilrig.recording.run_directory import (
 )
 from hilrig.recording.timing import terms_of
 
-SIGNAL_CHANNELS = ("truth", "command", "internals", "driver_timing", "controller_timing")
+SIGNAL_CHANNELS = ("truth", "command", "applied", "internals", "driver_timing", "controller_timing")
 """The channels that a report needs; if the driver does not know the truth, the state is used instead"""
 
 JsonDocument = Mapping[str, Any]

@@ -18,6 +18,7 @@ from hilrig.report.comparison import summarise_metrics, verdicts
 from hilrig.report.dataset import TrialEntry
 from hilrig.report.figures import comparison_figures
 from hilrig.report.internals import internals_figure
+from hilrig.report.limits_section import limits_section
 from hilrig.report.measuring import Measured, measure_run
 from hilrig.report.page import Content, Shown, write_page
 from hilrig.report.panels import Drawn
@@ -52,7 +53,7 @@ def write_report(measured: Measured, out: Path | None = None) -> Path:
     content = Content(
         data, metrics, summarise_metrics(metrics), judged, measured.expected, _figures(measured, folder),
         animation(_scene(measured), folder), measured.sources, folder, bounds_section(data, measured.command_ages),
-        timing_section(data), _timing_figures(measured, folder),
+        limits_section(data, measured.limited), timing_section(data), _timing_figures(measured, folder),
     )  # fmt: skip
     write_json(folder / "summary.json", _summary(content))
     return write_page(content)
@@ -109,6 +110,7 @@ def _summary(content: Content) -> dict[str, Any]:
     return {
         "name": data.manifest.get("name"), "question": data.experiment.get("question"), "verdicts": cells,
         "values": values, "expectations": [vars(item) for item in content.expected],
-        "bounds": dataclasses.asdict(content.bounds), "timing": dataclasses.asdict(content.timing),
+        "bounds": dataclasses.asdict(content.bounds), "limits": dataclasses.asdict(content.limits),
+        "timing": dataclasses.asdict(content.timing),
         "outcomes": outcomes,
     }  # fmt: skip

@@ -17,6 +17,7 @@ from hilrig.recording.run_directory import DAMAGED
 from hilrig.recording.timing import terms_of
 from hilrig.report.dataset import RunData, TrialEntry, TrialSignals, align, load_run, read_channels, timing_table
 from hilrig.report.expectations import Expected, judge_expectations
+from hilrig.report.limits_section import limited_ticks
 from hilrig.report.measures import all_metrics, measure_trial, table, without
 
 MeasuredRun = Mapping[str, Mapping[str, TrialEntry]]
@@ -53,6 +54,8 @@ class Measured:
     """By trial id, for those in `drawn` and `most_late` that left a usable bag"""
     command_ages: Mapping[str, list[Array]]
     """By controller, for each compared real-time trial, (K,) s; in lockstep the delay is the configured one"""
+    limited: Mapping[str, Mapping[str, int]]
+    """What `limited_ticks` says of each bag that tells it, by trial id"""
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,7 @@ class _Read:
     source: str
     kept: Kept | None
     command_ages: Array | None
+    limited: Mapping[str, int] | None
 
 
 def measure_run(run: Path, to_draw: bool = False) -> Measured:
@@ -88,6 +92,7 @@ def measure_run(run: Path, to_draw: bool = False) -> Measured:
         most_late=most_late,
         kept={name: read.kept for name, read in reads.items() if read.kept is not None},
         command_ages=_command_ages(data, reads),
+        limited={name: read.limited for name, read in reads.items() if read.limited is not None},
     )
 
 
@@ -123,8 +128,12 @@ def _most_late(data: RunData) -> MeasuredRun:
 
 
 def _read_all(data: RunData, kept: Collection[str], failed: dict[str, str]) -> dict[str, _Read]:
-    """Read the bags one after the other; return the content of each usable one, by trial id."""
-    reads = {t.id: _read(t, t.id in kept, failed) for t in data.trials if t.counts or t.id in kept}
+    """Read the bags one after the other; return the content of each usable one, by trial id.
+
+    Those of a trial that a limit ended are read for a report too, which tells how often commands were limited.
+    """
+    wanted = (t for t in data.trials if t.counts or t.id in kept or (kept and t.ending == "tripped"))
+    reads = {t.id: _read(t, t.id in kept, failed) for t in wanted}
     return {name: read for name, read in reads.items() if read is not None}
 
 
@@ -134,8 +143,9 @@ def _read(trial: TrialEntry, keep: bool, failed: dict[str, str]) -> _Read | None
     if signals is None:
         return None
     rows = measure_trial(trial, signals, all_metrics(), failed) if trial.counts else []
+    limited = limited_ticks(channels)
     joints = channels["truth" if "truth" in channels else "state"]["joint_position"]
     realtime = terms_of(trial.document).realtime
     stamps = timing_table(channels, trial.timing.get("one_clock", True)) if realtime else None
     ages = None if stamps is None else command_age(stamps) / NS
-    return _Read(rows, signals.source, Kept(signals, joints, stamps) if keep else None, ages)
+    return _Read(rows, signals.source, Kept(signals, joints, stamps) if keep else None, ages, limited)

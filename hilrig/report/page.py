@@ -19,6 +19,7 @@ from hilrig.report.bounds_section import BoundsSection
 from hilrig.report.comparison import Verdict
 from hilrig.report.dataset import RunData
 from hilrig.report.expectations import Expected
+from hilrig.report.limits_section import LimitsSection
 from hilrig.report.measures import all_metrics
 from hilrig.report.timing_section import TimingSection
 from hilrig.report.verdict_table import Cell, answer_question, metric_title, verdict_tables
@@ -57,6 +58,7 @@ class Content:
     folder: Path
     """Folder of the report"""
     bounds: BoundsSection
+    limits: LimitsSection
     timing: TimingSection
     timing_figures: list[Shown]
 
@@ -95,6 +97,7 @@ def render_page(content: Content) -> str:
         figures=content.figures,
         animation=content.animation,
         bounds=content.bounds,
+        limits=content.limits,
         timing=content.timing,
         timing_figures=content.timing_figures,
         repeat_command=manifest.get("command", "not recorded"),

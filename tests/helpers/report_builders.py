@@ -85,7 +85,7 @@ def write_bag(path: Path, s: dict[str, np.ndarray], truth: bool = True) -> None:
     columns = {
         "state": (definition("State"), [joints, wrench, s["torque"], s["time"], np.ones(n)]),
         "truth": (definition("Truth"), [joints, joints, s["position"], s["velocity"], wrench, np.full(n, 0.35)]),
-        "command": (definition("Command"), [s["torque"], joints, s["torque"], np.zeros(n)]),
+        "command": (definition("Command"), [s["torque"], joints, s["torque"], s.get("limited", np.zeros(n))]),
         "internals": (
             extended(definition("Internals"), MEMORY),
             [s["position"], s["velocity"], force, s["reference_position"], s["reference_velocity"],

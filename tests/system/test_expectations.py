@@ -12,6 +12,7 @@ MET = """expect:
   - {metric: force_rmse, controller: pd, below: 100 N}
   - {metric: force_rmse, controller: pd, minus: softer, above: -100 N, below: 100 N}
 """
+WEAK = "safety: {tip_force: 0.01 N}"
 UNMET = MET + "  - {metric: force_rmse, controller: pd, below: 1 mN}\n"
 
 
@@ -58,8 +59,8 @@ def test_too_few_repeats_are_not_met_and_say_so(hilrig, experiment) -> None:
 
 
 def test_without_a_completed_trial_nothing_is_met(hilrig, experiment, tmp_path: Path) -> None:
-    limits = "safety: {tip_force: 0.01 N}\n" + MET
-    done = hilrig("run", experiment(duration=0.2, controllers=TWO, more=limits), "--in-process", "--junit", "x.xml")
+    file = experiment(duration=0.2, controllers=TWO, safety=WEAK, more=MET)
+    done = hilrig("run", file, "--in-process", "--junit", "x.xml")
     assert done.returncode == 1
     assert "expected 0 of 2 met" in done.stdout
     assert "2 trials not completed" in done.stdout
@@ -68,13 +69,13 @@ def test_without_a_completed_trial_nothing_is_met(hilrig, experiment, tmp_path: 
     assert "tripped: " in (suite[0][0].get("message") or "")
 
 
-TRIPS = "safety: {tip_force: 0.01 N}\nrepeats: 2\nexpect:\n  - {controller: pd, outcome: tripped}\n"
+TRIPS = "repeats: 2\nexpect:\n  - {controller: pd, outcome: tripped}\n"
 BOTH = TRIPS + "  - {controller: softer, outcome: tripped, condition: noisy}\n"
 
 
 def test_trials_that_trip_as_expected_are_exit_0_and_no_failure(hilrig, experiment, tmp_path: Path) -> None:
     """--fail-fast goes on after them, too."""
-    file = experiment(duration=0.2, controllers=TWO, more=BOTH)
+    file = experiment(duration=0.2, controllers=TWO, safety=WEAK, more=BOTH)
     done = hilrig("run", file, "--in-process", "--fail-fast", "--junit", "x.xml")
     assert done.returncode == 0, done.stderr
     ran, head, *lines = done.stdout.splitlines()
@@ -88,7 +89,8 @@ def test_trials_that_trip_as_expected_are_exit_0_and_no_failure(hilrig, experime
 
 
 def test_a_trip_that_nobody_expects_is_exit_1_beside_one_that_is_expected(hilrig, experiment) -> None:
-    done = hilrig("run", experiment(duration=0.2, controllers=TWO, more=TRIPS), "--in-process", "--no-report")
+    file = experiment(duration=0.2, controllers=TWO, safety=WEAK, more=TRIPS)
+    done = hilrig("run", file, "--in-process", "--no-report")
     assert done.returncode == 1
     assert "(0 of 4 trials completed, 2 tripped as expected)" in done.stdout
     assert "expected 1 of 1 met" in done.stdout

@@ -47,14 +47,14 @@ def test_a_study_is_made_again_to_the_same_bytes(hilrig, experiment, tmp_path: P
 
 def test_what_is_expected_decides_the_exit_code(hilrig, experiment, tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text(STUDY)
-    trips = "safety: {tip_force: 0.01 N}\nexpect: [{controller: pd, outcome: tripped}]"
-    experiment(duration=0.05, more=trips)
+    trips = "expect: [{controller: pd, outcome: tripped}]"
+    experiment(duration=0.05, more=trips, safety="safety: {tip_force: 0.01 N}")
     done = hilrig("reproduce", "study.yaml")
     assert done.returncode == 0, done.stderr
     assert "(0 of 1 trials completed, 1 tripped as expected)" in done.stdout
     assert "met             1 of 1 expectations" in done.stdout
 
-    experiment(duration=0.05, more=trips.replace("0.01 N", "200 N"))
+    experiment(duration=0.05, more=trips)
     done = hilrig("reproduce", "study.yaml")
     assert done.returncode == 1
     assert "(1 of 1 trials completed)" in done.stdout

@@ -205,9 +205,12 @@ def test_each_fault_is_noticed_and_told(tmp_path: Path, fault: str) -> None:
 def test_a_real_plant_is_not_moved(tmp_path: Path) -> None:
     """Its `connect` would raise; what can be said of it without moving it is checked."""
     real = changed(
-        GOOD, connect="raise RuntimeError('who moves my arm?')",
-        **{"class": "capabilities = Capabilities(('realtime',), (), False)"},
+        GOOD.replace("def connect(self, start):", "def connect(self, start) -> "
+        '"Arm":'),
+        connect="raise RuntimeError('who moves my arm?')",
+        **{"class": "capabilities = Capabilities(('realtime',), (), False, 0.5)"},
         render="def render(self, q, width, height): raise RuntimeError",
+        plant="def hold(self): raise RuntimeError",
     )  # fmt: skip
     assert broken("drivers", real, tmp_path, **VALUES) == {}
 
