@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from hilrig.recording.certificate.durations import Terms, durations
 from hilrig.recording.certificate.histogram import histogram, quantiles_us
 from hilrig.recording.certificate.samples import sampling
 from hilrig.recording.certificate.table import StampColumns, join, left_out
+from hilrig.recording.run_directory import read_json, write_json
 
 Setup = Mapping[str, Mapping[str, Mapping[str, Any]]]
 """process -> setting -> {"wanted", "applied", "reason"}"""
@@ -80,3 +82,10 @@ def certify(
         "one_clock": one_clock,
         "refused": {channel: dict(reasons) for channel, reasons in (refused or {}).items() if any(reasons.values())},
     }
+
+
+def add_refused(path: Path, channel: str, counts: Mapping[str, int]) -> None:
+    """Add what was refused on a channel to a trial's timing.json, if there is one: reason -> number of messages."""
+    if path.is_file() and any(counts.values()):
+        document = read_json(path)
+        write_json(path, {**document, "refused": {**document.get("refused", {}), channel: dict(counts)}})

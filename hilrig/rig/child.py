@@ -22,6 +22,7 @@ from hilrig.experiment.trial import Trial
 from hilrig.recording.run_directory import read_trial
 from hilrig.rig.background_sender import BackgroundSender
 from hilrig.rig.bus import Bus
+from hilrig.rig.order_receiver import OrderReceiver
 from hilrig.rig.resume_monitor import ResumeMonitor
 from hilrig.rig.setup import Report, as_wanted, prepare, refusals, settle
 
@@ -103,7 +104,7 @@ class Child:
                 bytes.fromhex(self.orders.epoch),
             )  # fmt: skip
             self._put_status = self._unblocked(self._bus.outbox("status", blocking=True).put)
-            self._orders = self._bus.inbox("order", ["supervisor"])
+            self._orders = OrderReceiver(self._bus.inbox("order", ["supervisor"]))
         return self._bus
 
     def record(self) -> Callable[[bytes], None]:
@@ -159,12 +160,10 @@ class Child:
         for line in refusals(self.setup):
             print(line, flush=True)
         self.tell("ready", setup=self.setup, **details)
-        while True:
-            order = self._read_order(self._orders.take())
-            if order.get("order") == "go":
-                return order
-            if order:
-                raise Stopped("stopped before the first tick")
+        order = self._orders.take()
+        if order["order"] != "go":
+            raise Stopped("stopped before the first tick")
+        return order
 
     def _rehearse(self, rehearse: Callable[[], None]) -> None:
         put = self.bus.outbox("record", blocking=True).put
@@ -177,19 +176,7 @@ class Child:
 
     def told_to_stop(self) -> bool:
         """Return whether the supervisor has ordered the trial to end."""
-        payload = self._orders.poll()
-        return payload is not None and self._read_order(payload).get("order") == "stop"
-
-    def _read_order(self, payload: bytes) -> dict[str, Any]:
-        """Return an order; empty, and counted as refused, if it cannot be read."""
-        try:
-            order = json.loads(payload)
-            if isinstance(order, dict) and "order" in order:
-                return order
-        except ValueError:
-            pass
-        self._orders.refuse()
-        return {}
+        return self._orders.poll().get("order") == "stop"
 
 
 class Signals:

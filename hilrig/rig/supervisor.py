@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hilrig.experiment.trial import Trial
+from hilrig.recording.timing import add_refused
 from hilrig.rig.child import HALTED
 from hilrig.rig.live import Live
 from hilrig.rig.outcome import Outcome
@@ -77,6 +78,7 @@ class Supervision:
             self._follow()
         wall_s = time.monotonic() - began
         channels = self._bring_down()
+        add_refused(self._rig.directory / "timing.json", "status", self._rig.statuses.refused)
         outcome, reason = self._verdict or ("completed", "")
         told = {name: self._done.get("driver", {}).get(name) for name in ("loop_s", "stages", "held_command_age_s")}
         return Outcome.of(self._rig.trial, outcome, reason, self._ticks, wall_s, channels, **told)
