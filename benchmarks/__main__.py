@@ -77,11 +77,13 @@ def measure(
 
 @app.command()
 def holds(
-    trials: Annotated[int, typer.Option(min=4, help="Trials, of four ways in which a controller fails.")] = 200,
+    trials: Annotated[int, typer.Option(min=6, help="Trials, of six ways to fail.")] = 200,
     out: Annotated[Path | None, typer.Option(help="Keep the run in this folder.", show_default=False)] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure how old the command in effect is when the plant is held: the controller is killed, stopped, or hangs.
+    """Measure how old the command in effect is when the plant is held.
+
+    The controller is killed, stopped, or hangs (asleep or busy), the bus is cut, or the program is killed (orphaned).
 
     Real processes in real time on a plant that is not simulated; about 20 minutes for 200 trials.
 

@@ -1,1 +1,1 @@
-"""How fast a plant is held when its controller is killed, stopped or hangs: real processes in real time."""
+"""How fast a plant is held when its controller, the bus or the program fails: real processes in real time."""

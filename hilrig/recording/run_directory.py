@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 DAMAGED = "damaged"
 """Outcome of a trial that completed, but whose bag has since been cut or removed"""
+DRIVER_RECORD = "driver.json"
+"""File in a trial's directory in which its driver's process says how the trial ended, also if nobody listens"""
 INVALID = "invalid"
 """Outcome of a real-time trial that ended outside its timing budget"""
 PARTS = ("experiment.yaml", "manifest.json", "plan.json", "trials")
@@ -193,6 +195,12 @@ def _outcome(run: Path, trial: str) -> dict[str, Any]:
     return {
         "trial": trial, "outcome": "aborted" if begun else "not run", "reason": reason_of, "ticks": 0, "channels": {},
     }  # fmt: skip
+
+
+def read_driver_record(folder: Path) -> dict[str, Any]:
+    """Return what the driver's process left in a trial's directory when it ended; empty if it left nothing."""
+    path = folder / DRIVER_RECORD
+    return read_json(path) if path.is_file() else {}
 
 
 def messages_lost(outcome: Mapping[str, Any]) -> int | None:

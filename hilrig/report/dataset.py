@@ -113,7 +113,7 @@ class RunData:
 
 @dataclass(frozen=True)
 class TrialSignals:
-    """The signals of one trial at the ticks that all channels have: N ticks, m axes, n joints."""
+    """The signals of one trial at the ticks that all channels have, with a new sample: N ticks, m axes, n joints."""
 
     record: PhaseRecord
     """The whole trial"""
@@ -156,12 +156,16 @@ def read_channels(trial: TrialEntry) -> Channels:
 
 
 def align(channels: Channels, document: JsonDocument) -> TrialSignals | None:
-    """Return a bag's channels at their common ticks, named as in the metrics; None for fewer than 2 ticks."""
+    """Return a bag's channels, named as in the metrics; None for fewer than 2 ticks.
+
+    The ticks are those that all channels have, and at which the plant's sample was new.
+    """
     plant = "truth" if "truth" in channels else "state"
     needed = [name for name in (plant, "command", "internals") if name in channels]
     if len(needed) < 3:
         return None
     ticks = reduce(np.intersect1d, [channels[name]["tick"] for name in needed])
+    ticks = np.intersect1d(ticks, _sampled(channels[plant]))
     if ticks.size < 2:
         return None
     picked = {name: _pick(channels[name], ticks) for name in needed}
@@ -170,6 +174,11 @@ def align(channels: Channels, document: JsonDocument) -> TrialSignals | None:
     wrench = picked[plant]["wrench"]
     record = _record(picked, source, wrench, axes, document, _late(channels, document, ticks))
     return TrialSignals(record, _memory(picked["internals"]), "truth" if "truth" in picked else "measurement")
+
+
+def _sampled(plant: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the ticks at which there was a new sample: what a repeated one says is of the tick before."""
+    return plant["tick"][plant["fresh"] != 0] if "fresh" in plant else plant["tick"]
 
 
 def _pick(channel: dict[str, np.ndarray], ticks: np.ndarray) -> dict[str, np.ndarray]:

@@ -12,10 +12,10 @@ import numpy as np
 from hilrig.core.errors import Stopped
 from hilrig.core.interfaces import Progress
 from hilrig.loop.driver_node import DriverNode
-from hilrig.loop.life_cycle import Ending, in_words, live
+from hilrig.loop.life_cycle import in_words, live
 from hilrig.recording.messages.codec import Codec
 from hilrig.recording.messages.layouts import layouts
-from hilrig.recording.run_directory import trial_directory
+from hilrig.recording.run_directory import DRIVER_RECORD, trial_directory, write_json
 from hilrig.rig.channels import DRIVER_CHANNELS, RecordSender
 from hilrig.rig.child import Child, main
 from hilrig.rig.clock import NANOSECONDS, PROGRESS_NS, Begun, Pacer, Samples, Timer
@@ -211,14 +211,16 @@ def work(child: Child) -> None:
     child.ready(("controller", "logger"), wire.rehearse)
     # From here on signals are noted, and end the trial at the next period: nothing interrupts the plant's code.
     child.signals.raising = False
-    ending: Ending | None = None
+    record: dict[str, Any] = {}
     try:
-        ending = live(node, wire)
+        record = {**live(node, wire)._asdict(), **wire.account()}
+        # At once: if the program or the bus is gone, nobody else hears how it ended.
+        write_json(trial_directory(child.run, trial.id) / DRIVER_RECORD, record)
     finally:
         wire.end()
         if injector is not None:
             injector.end(trial_directory(child.run, trial.id))
-    child.tell("done", **wire.account(), **ending._asdict())
+    child.tell("done", **record)
 
 
 if __name__ == "__main__":

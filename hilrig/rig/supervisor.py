@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hilrig.experiment.trial import Trial
+from hilrig.recording.run_directory import read_driver_record
 from hilrig.recording.timing import add_refused
 from hilrig.rig.child import HALTED
 from hilrig.rig.live import Live
@@ -80,7 +81,8 @@ class Supervision:
         channels = self._bring_down()
         add_refused(self._rig.directory / "timing.json", "status", self._rig.statuses.refused)
         outcome, reason = self._verdict or ("completed", "")
-        told = {name: self._done.get("driver", {}).get(name) for name in ("loop_s", "stages", "held_command_age_s")}
+        record = self._done.get("driver") or read_driver_record(self._rig.directory)
+        told = {name: record.get(name) for name in ("loop_s", "stages", "held_command_age_s")}
         return Outcome.of(self._rig.trial, outcome, reason, self._ticks, wall_s, channels, **told)
 
     def _all_ready(self) -> bool:

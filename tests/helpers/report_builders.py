@@ -83,7 +83,7 @@ def write_bag(path: Path, s: dict[str, np.ndarray], truth: bool = True) -> None:
     memory = {name: np.cumsum(np.ones((n, k)), axis=0) / n for name, k in MEMORY.items()}
     force = wrench[:, [0, 2]]
     columns = {
-        "state": (definition("State"), [joints, wrench, s["torque"], s["time"], np.ones(n)]),
+        "state": (definition("State"), [joints, wrench, s["torque"], s["time"], s.get("fresh", np.ones(n))]),
         "truth": (definition("Truth"), [joints, joints, s["position"], s["velocity"], wrench, np.full(n, 0.35)]),
         "command": (definition("Command"), [s["torque"], joints, s["torque"], s.get("limited", np.zeros(n))]),
         "internals": (

@@ -100,5 +100,7 @@ def test_a_flood_in_real_time_ends_in_hold_at_worst(start, experiment, tmp_path:
     assert 0 < counted["command"] <= FLOOD
     assert 0 < counted["state"] <= FLOOD
     assert "Traceback" not in (tmp_path / "errors.txt").read_text()
-    assert not any("Traceback" in log.read_text() for log in run.glob("trials/*/*.log"))
+    logs = {log.stem: log.read_text() for log in run.glob("trials/*/logs/*.log")}
+    assert logs.keys() == {"driver", "controller", "logger"}
+    assert not [role for role, text in logs.items() if "Traceback" in text]
     assert_only_commanded(run)

@@ -178,3 +178,15 @@ def test_a_metric_that_fails_is_left_out_and_named_and_the_others_are_measured(m
     assert list(failed) == ["theirs"]
     assert words in failed["theirs"]
     assert "test_measures.py" in failed["theirs"], "it names the file"
+
+
+def test_repeated_samples_are_left_out() -> None:
+    """Ticks 4 and 7 saw the sample of the tick before once more: no metric counts it, and nothing differentiates it."""
+    bag = channels()
+    del bag["truth"], bag["driver_timing"]
+    bag["state"]["fresh"] = (~np.isin(bag["state"]["tick"], (4, 7))).astype(np.uint64)
+    signals = align(bag, trial_document("a", "quiet", 0, PHASES))
+    assert signals is not None
+    np.testing.assert_array_equal(signals.record.tick, [1, 2, 6, 8])
+    np.testing.assert_allclose(signals.record.force, column(np.array([1, 2, 6, 8]), 1100, 1300))
+    np.testing.assert_allclose(signals.record.acceleration[0], [1 / PERIOD] * 2)
