@@ -14,6 +14,7 @@ from helpers.patience import wait_for
 from helpers.real_rig import LONG, end_of, faulty, rig_processes
 
 from hilrig.recording.bag import read_bag
+from hilrig.recording.run_directory import read_driver_record
 
 WHOLE = ["connect", "prepare", "approach", "retract", "hold", "close"]
 TRACE = ("connect", "hold", "close")
@@ -98,6 +99,9 @@ def test_a_supervisor_that_is_killed(start, robot, tmp_path: Path) -> None:
     os.kill(program.pid, signal.SIGKILL)
     wait_for(lambda: not rig_processes(tmp_path))
     assert whats(tmp_path)[-3:] == ["hold", "held", "close"]
+    # Nobody was left to be told; the driver's own record says how it ended.
+    record = read_driver_record(next((tmp_path / "runs").glob("*/trials/*")))
+    assert (record["outcome"], record["reason"]) == ("aborted", "the supervisor is gone")
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1])
