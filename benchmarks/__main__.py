@@ -85,7 +85,7 @@ def holds(
 
     The controller is killed, stopped, or hangs (asleep or busy), the bus is cut, or the program is killed (orphaned).
 
-    Real processes in real time on a plant that is not simulated; about 20 minutes for 200 trials.
+    Real processes in real time on a plant that is not simulated; about 25 minutes for 200 trials.
 
     Exit code: 0 every plant was held in time, 1 one was not.
     """
