@@ -10,6 +10,8 @@ import numpy as np
 from hilrig.loop.limited import WORDS
 from hilrig.report.dataset import Channels, RunData
 
+TICKS = "ticks"
+"""Key of the number of all ticks"""
 ANY = "any"
 """Stands for all limits together: a tick at which two limits changed the command counts once"""
 
@@ -40,7 +42,7 @@ class LimitsSection:
 
 
 def limited_ticks(channels: Channels) -> dict[str, int] | None:
-    """Return how many ticks a bag's commands have (""), and how many each limit changed; None if it does not say.
+    """Return the number of ticks: all with a command, those limited by `ANY`, and by each limit; None if not recorded.
 
     The controller bounds the torque that its law asks for; the driver bounds again what the plant receives.
     """
@@ -54,7 +56,7 @@ def limited_ticks(channels: Channels) -> dict[str, int] | None:
         bits[tick] = bits.get(tick, 0) | changed
     found = np.array(list(bits.values()), dtype=np.int64)
     by_limit = {word: int(np.count_nonzero(found & int(bit))) for bit, word in WORDS.items()}
-    return {"": count, ANY: int(np.count_nonzero(found)), **by_limit}
+    return {TICKS: count, ANY: int(np.count_nonzero(found)), **by_limit}
 
 
 def limits_section(run: RunData, limited: Mapping[str, Mapping[str, int]]) -> LimitsSection:
@@ -67,7 +69,7 @@ def limits_section(run: RunData, limited: Mapping[str, Mapping[str, int]]) -> Li
 def _row(run: RunData, controller: str, limited: Mapping[str, Mapping[str, int]]) -> LimitRow:
     trials = [trial for trial in run.trials if trial.controller == controller]
     counts = [limited[trial.id] for trial in trials if trial.id in limited]
-    ticks = sum(count[""] for count in counts)
+    ticks = sum(count[TICKS] for count in counts)
     shares = {name: sum(count[name] for count in counts) / ticks if ticks else None for name in (ANY, *WORDS.values())}
     tripped = sum(trial.outcome["outcome"] == "tripped" for trial in trials)
     return LimitRow(controller, len(trials), tripped, ticks, shares)

@@ -31,7 +31,7 @@ def test_a_tick_counts_once_whoever_limited_its_command(asked: list[int], applie
     assert counts is not None
     ticks = [(asked[t] if t < len(asked) else 0) | applied.get(t, 0) for t in range(20)]
     assert counts == {
-        "": len(asked), "any": sum(bits != 0 for bits in ticks), "torque": sum(bits & 1 for bits in ticks),
+        "ticks": len(asked), "any": sum(bits != 0 for bits in ticks), "torque": sum(bits & 1 for bits in ticks),
         "torque rate": sum(bits // 2 % 2 for bits in ticks), "joint position": sum(bits // 4 % 2 for bits in ticks),
         "joint position rate": sum(bits // 8 for bits in ticks),
     }  # fmt: skip
