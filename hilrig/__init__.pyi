@@ -10,6 +10,7 @@ from .core.errors import ExperimentError as ExperimentError
 from .core.errors import HilrigError as HilrigError
 from .core.errors import OutOfReach as OutOfReach
 from .core.errors import RunDirectoryError as RunDirectoryError
+from .core.errors import Tripped as Tripped
 from .core.interfaces import Capabilities as Capabilities
 from .core.interfaces import Controller as Controller
 from .core.interfaces import Disturbance as Disturbance

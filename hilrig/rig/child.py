@@ -29,6 +29,8 @@ from hilrig.rig.setup import Report, as_wanted, prepare, refusals, settle
 PR_SET_PDEATHSIG = 1
 REHEARSALS = 3
 HALTED = "halted by hilrig halt"
+PROGRAM = "HILRIG_PROGRAM"
+"""Environment variable with the process id of the program that runs the trials: what outlives a trial ends with it"""
 REASONS = {
     signal.SIGTERM: "terminated", signal.SIGHUP: "the supervisor is gone", signal.SIGUSR1: HALTED,
 }  # fmt: skip
@@ -244,6 +246,7 @@ def main(work: Callable[[Child], None]) -> None:
     child: Child | None = None
     try:
         signals.listen(orders.parent)
+        os.environ[PROGRAM] = str(orders.parent)
         child = Child(orders, signals)
         work(child)
     except Stopped as stop:

@@ -148,10 +148,11 @@ class Supervision:
             self._done[role] = status
             if role == "driver":
                 self._ticks = status["ticks"]
-                if status["reason"] == HALTED:  # the program was told to stop at the same time
+                halted = HALTED in status["reason"]
+                if halted:  # the program was told to stop at the same time
                     self._verdict = None
                 # If the driver stopped because its controller ended, the driver is not the cause.
-                if status["outcome"] in ("tripped", "timed_out") or status["reason"] == HALTED:
+                if status["outcome"] in ("tripped", "timed_out") or halted:
                     self._conclude(status["outcome"], status["reason"])
         else:
             self._conclude("tripped" if event == "tripped" else "failed", f"{role}: {status['reason']}")

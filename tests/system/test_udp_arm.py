@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.patience import wait_for
+from helpers.ports import free_port
 from helpers.real_rig import PROJECT, end_of, only_run, rig_processes, under_way
 
 from hilrig.recording.bag import read_bag
@@ -45,12 +45,6 @@ def robot() -> Iterator[Callable[..., subprocess.Popen[str]]]:
     for process in on:
         process.kill()
         process.communicate()
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        return free.getsockname()[1]
 
 
 def trials(under: Path) -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:

@@ -22,18 +22,19 @@ def halt(
 ) -> None:
     """Hold every plant on this machine, and end all runs.
 
-    Each driver holds its plant where it is, closes it, and ends its trial as aborted; no further trial is started. This
-    is no emergency stop: it needs a machine and a driver that still work. Keep the robot's own one within reach.
+    Each driver holds its plant where it is, closes it, and ends its trial as aborted; no further trial is started. A
+    bridge that owns a robot holds it and ends. This is no emergency stop: it needs a machine and a driver that still
+    work. Keep the robot's own one within reach.
 
     Exit code: 0 all plants are held, or there were none; 1 a driver has not ended in time.
     """
     from hilrig.rig.halting import halt_all
 
     held, still = halt_all(timeout, below)
-    for driver in held:
-        typer.echo(f"held     {driver}")
+    for holder in held:
+        typer.echo(f"held     {holder}")
     if still:
-        lines = "\n".join(f"running  {driver}" for driver in still)
+        lines = "\n".join(f"running  {holder}" for holder in still)
         raise RigError(
             f"{lines}\nnot held after {timeout:g} s: use the robot's own emergency stop, then look at the driver"
         )
