@@ -248,10 +248,12 @@ class Bridge:
         trouble = self.trouble()
         if trouble:
             self.trip(trouble)
-        elif now - self._heard > self.order_age:
-            self.trip(f"no order for {now - self._heard:.3g} s, over {self.order_age:g} s")
         elif now - self._sampled > self.sample_age:
             self.trip(f"no sample of the robot for {now - self._sampled:.3g} s, over {self.sample_age:g} s")
+        elif now - self._heard > self.order_age:
+            # An order's age counts from the sample that it answers; where all were answered, the samples are missing.
+            what = "no sample of the robot" if self._heard >= self._sampled else "no order"
+            self.trip(f"{what} for {now - self._heard:.3g} s, over {self.order_age:g} s")
 
     def due(self, now: float) -> float:
         """Return in how many seconds to look again."""

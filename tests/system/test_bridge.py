@@ -17,6 +17,7 @@ import numpy as np
 import psutil
 import pytest
 from helpers.bridged import bridged_driver, fault, robot_calls, robot_side
+from helpers.guides import DOCS, write_files
 from helpers.patience import wait_for
 from helpers.ports import free_port
 from helpers.real_rig import LONG, end_of, faulty, only_run, rig_processes
@@ -311,3 +312,14 @@ def end(arm: RobotBridge, folder: Path) -> None:
             process = psutil.Process(pid)
             process.terminate()
             process.wait(10)
+
+
+def test_the_example_of_the_guide(hilrig, bridged, tmp_path: Path) -> None:
+    assert {"my_robot.py", "my_arm.py"} <= set(write_files(DOCS / "drivers.md", tmp_path))
+    path = bridged()
+    arm = f"  kind: ./my_arm.py\n  python: {sys.executable}\n"
+    path.write_text(path.read_text().replace("  kind: ./bridged.py\n", arm).replace(f"  age: {AGE} s\n", ""))
+    side = tmp_path / "my_robot.py"  # stand it where the trial starts
+    side.write_text(side.read_text().replace("[0.9, 0.6]", "[0.987, 1.839]"))
+    done = hilrig("run", path, "--no-report")
+    assert done.returncode == 0, done.stderr
