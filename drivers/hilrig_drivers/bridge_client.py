@@ -4,50 +4,22 @@ from __future__ import annotations
 
 import os
 import secrets
-import shutil
 import socket
-import subprocess
-import sys
-import tempfile
 import time
-import zlib
-from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
 from hilrig import Array, HilrigError, Tripped
 from hilrig_drivers import bridge
+from hilrig_drivers._bridge_process import BridgeProcess
+from hilrig_drivers._bridge_process import BridgeSettings as BridgeSettings
 from hilrig_drivers.bridge import ALIVE, ATTACH, DETACH, END, FOLLOWING, HELD, HOLD, MOVE, REFUSED, TRIPPED, Sample
 
 ANSWER_S = 1.0
 """Time the bridge may take to answer"""
 AGAIN_S = 0.02
 """Time after which an order is sent again, if it was not answered"""
-SOCKET, LOG = "bridge.sock", "bridge.log"
-
-
-@dataclass(frozen=True)
-class BridgeSettings:
-    """What a bridge is started with. One that has other settings is ended, and another one started."""
-
-    robot_file: str
-    """The file with the class `Robot`"""
-    python: str = sys.executable
-    """The interpreter that has the robot's software"""
-    settings: Mapping[str, str] = field(default_factory=dict)
-    """Arguments of `Robot`"""
-    order_age: float = 0.1
-    """s; without an order for so long the bridge holds the robot"""
-    sample_age: float = 0.1
-    """s; the same without a sample"""
-    at: str = ""
-    """HOST:PORT of a bridge that somebody has started; empty: the run's own, which is started when there is none"""
-    start_time: float = 15.0
-    """Longest time until a bridge that is started answers with a sample, s"""
 
 
 class RobotBridge:
@@ -57,15 +29,13 @@ class RobotBridge:
         """Attach to the robot, which goes on being held. Raises HilrigError if that is not possible."""
         self._settings, self._joints = settings, joints
         self._session, self._sent = secrets.randbits(63) + 1, 0
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process = BridgeProcess(settings)
         self._own = not settings.at
-        self._folder = _folder()
-        self._at = settings.at or str(self._folder / SOCKET)
+        self._at = settings.at or self._process.at
         self._socket: socket.socket | None = None
         self.sample = Sample(0, 0, 0, HELD, 0, 0, joints, np.nan, (), (), (), "")
-        self._log: BinaryIO | None = None
         self._attach()
-        self._open_log(os.SEEK_END)
+        self._process.open_log(os.SEEK_END)
 
     @property
     def position(self) -> Array:
@@ -105,24 +75,26 @@ class RobotBridge:
             self._ask(DETACH, ANSWER_S)
         finally:
             self._disconnect()
-            self._show_log()
+            self._process.show_log()
             if self._own and not self._connect():  # it was killed
-                shutil.rmtree(self._folder, ignore_errors=True)
+                self._process.remove()
             if self.sample.refused:
                 print(f"the bridge has refused {self.sample.refused} datagrams so far", flush=True)
 
     def _attach(self) -> None:
         deadline = time.monotonic() + self._settings.start_time
         if self._own and not self._connect():
-            self._start()
+            self._process.start()
         while True:
             if self._connect():
                 with suppress(TimeoutError):
                     self._try(ATTACH, 10 * AGAIN_S)
-                    if not self._own or self.sample.setup == self._setup():
+                    if not self._own or self.sample.setup == self._process.setup:
                         break
                     self._replace()
-            self._require_process()
+            if why := self._process.why_ended():
+                self._disconnect()
+                raise HilrigError(why)
             if time.monotonic() > deadline:
                 self._disconnect()
                 raise HilrigError(self._why_silent(self._settings.start_time))
@@ -225,33 +197,7 @@ class RobotBridge:
 
     @property
     def _mine(self) -> str:
-        return str(self._folder / f"{self._session:x}")
-
-    def _words(self) -> list[str]:
-        """Return the command line of the bridge, after its own file."""
-        given = self._settings
-        sets = [word for name, value in given.settings.items() for word in ("--set", f"{name}={value}")]
-        ages = ["--order-age", str(given.order_age), "--sample-age", str(given.sample_age)]
-        return [given.robot_file, "--at", self._at, "--owner", str(_program()), *ages, *sets]
-
-    def _setup(self) -> int:
-        return zlib.crc32("\0".join(self._words()).encode())
-
-    def _start(self) -> None:
-        """Start the bridge in a session of its own: it outlives this process."""
-        self._folder.mkdir(mode=0o700, exist_ok=True)
-        with suppress(FileNotFoundError):
-            os.unlink(self._at)  # of one that was killed
-        try:
-            with (self._folder / LOG).open("wb") as log:
-                self._open_log()
-                self._process = subprocess.Popen(
-                    [self._settings.python, bridge.__file__, *self._words()],
-                    stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
-                )  # fmt: skip
-        except OSError as error:
-            shutil.rmtree(self._folder, ignore_errors=True)
-            raise HilrigError(f"the bridge cannot be started with {self._settings.python}: {error.strerror}") from None
+        return str(self._process.folder / f"{self._session:x}")
 
     def _replace(self) -> None:
         """End a bridge with other settings, and start another one."""
@@ -261,41 +207,7 @@ class RobotBridge:
         while os.path.exists(self._at) and time.monotonic() < deadline:
             time.sleep(AGAIN_S)
         self._session, self._sent, self.sample = secrets.randbits(63) + 1, 0, self.sample._replace(number=0, done=0)
-        self._start()
-
-    def _require_process(self) -> None:
-        """Raise HilrigError if the bridge that was started has ended."""
-        if self._process is None or self._process.poll() is None:
-            return
-        lines = [line for line in self._show_log().splitlines() if line.strip()]
-        self._disconnect()
-        raise HilrigError(
-            f"the bridge ended with exit code {self._process.returncode}: {lines[-1] if lines else 'it said nothing'} "
-            f"(started with {self._settings.python} for {self._settings.robot_file})"
-        )
-
-    def _open_log(self, whence: int = os.SEEK_SET) -> None:
-        """Open what the bridge prints, which it removes when it ends."""
-        with suppress(OSError):
-            self._log = self._log or (self._folder / LOG).open("rb")
-            self._log.seek(0, whence)
-
-    def _show_log(self) -> str:
-        """Print what the bridge has printed in this trial, which makes it a part of the trial's log; return it."""
-        text = self._log.read().decode(errors="replace") if self._log else ""
-        print(text, end="", flush=True)
-        return text
+        self._process.start()
 
     def _why_silent(self, limit_s: float) -> str:
         return f"the bridge at {self._at} does not answer within {limit_s:g} s"
-
-
-def _program() -> int:
-    """Return the process id of the program that runs the trials; this one, where there is no other."""
-    return int(os.environ.get("HILRIG_PROGRAM", os.getpid()))
-
-
-def _folder() -> Path:
-    """Return the folder of a program's bridge, which only the user may enter. Names are short: it holds sockets."""
-    program = _program()
-    return Path(tempfile.gettempdir()) / f"hilrig-bridge-{program}-{bridge.birth(program)}"

@@ -39,6 +39,7 @@ class DriverNode:
         self._acting: Command | None = None
         self._rows: DriverRows | None = None
         self._begun = False
+        self._left_out = 0
 
     def connect(self) -> None:
         """Connect to the plant. Nothing moves."""
@@ -119,8 +120,10 @@ class DriverNode:
                 room[:] = value
         clock = self.arrays.clock
         clock[0] = tick
-        # A robot has gone on by itself.
-        clock[1] = left_out if self.simulated else 0
+        if left_out != self._left_out:
+            self._left_out = left_out
+            # A robot has gone on by itself.
+            clock[1] = left_out if self.simulated else 0
         self.busy = True
         safe = next(self._parts)
         self.busy = False

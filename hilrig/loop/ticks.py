@@ -50,12 +50,12 @@ def do_ticks(node: DriverNode, wire: Wire) -> Ending:
     for. In real time the command that acts now has already arrived, and is applied before anything else.
     """
     trial = node.trial
-    tick, delay, realtime = 0, trial.actuation_delay, trial.clock == "realtime"
+    tick, ticks, delay, realtime = 0, trial.ticks, trial.actuation_delay, trial.clock == "realtime"
     try:
-        while tick < trial.ticks:
+        while tick < ticks:
             due = wire.wait(tick)
-            if due >= trial.ticks:
-                tick = trial.ticks
+            if due >= ticks:
+                tick = ticks
                 break
             node.measure(due, due - tick)
             tick = due

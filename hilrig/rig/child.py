@@ -14,7 +14,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from hilrig.core.errors import RigError, Stopped, describe_error
 from hilrig.experiment.rig_settings import RigSettings
@@ -34,7 +34,6 @@ PROGRAM = "HILRIG_PROGRAM"
 REASONS = {
     signal.SIGTERM: "terminated", signal.SIGHUP: "the supervisor is gone", signal.SIGUSR1: HALTED,
 }  # fmt: skip
-T = TypeVar("T")
 PAUSE_S = 0.03
 """After a rehearsal: once per session, the first message after a 20 ms pause costs zenoh 5 ms of processor time"""
 
@@ -218,17 +217,6 @@ class Signals:
         if self.told and not self._raised:
             self._raised = True
             raise Stopped(self.told)
-
-    def interruptible(self, wait: Callable[[], T]) -> T:
-        """Return what `wait` returns; a signal ends it, also where `raising` is off. Raises Stopped."""
-        if self.raising:
-            return wait()
-        self.raising = True
-        try:
-            self.check()
-            return wait()
-        finally:
-            self.raising = False
 
     def enough(self) -> None:
         """Ignore further signals, because the child is about to end."""

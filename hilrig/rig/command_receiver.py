@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
 from threading import Thread
+from typing import Protocol
 
 from hilrig.rig.bus import Inbox
 from hilrig.rig.frames import TickScreen
@@ -14,21 +14,44 @@ END = b""
 """In place of a message: no more will come"""
 
 
+class Interruptions(Protocol):
+    """The signals of a process, as `rig/child.py` handles them."""
+
+    raising: bool
+    """Whether a signal raises Stopped wherever the main thread is"""
+    told: str
+    """Why the process must end; empty if it must not"""
+
+    def check(self) -> None:
+        """Raise Stopped if a signal has come, once."""
+        ...
+
+
 class BlockingCommandReceiver:
     """For lockstep: the driver waits for the next command itself."""
 
-    def __init__(self, inbox: Inbox, screen: TickScreen, wait: Callable[[Callable[[], bytes]], bytes]) -> None:
-        """`wait` calls what waits for a message, so that a signal can end the wait."""
-        self._inbox, self._screen, self._wait = inbox, screen, wait
+    def __init__(self, inbox: Inbox, screen: TickScreen, signals: Interruptions) -> None:
+        """A signal can end the wait for a message."""
+        self._inbox, self._screen, self._signals = inbox, screen, signals
 
     def take(self) -> tuple[int, bytes]:
-        """Wait for the next message; return when it arrived, ns, and the message, or END."""
+        """Wait for the next message; return when it arrived, ns, and the message, or END. Raises Stopped."""
         while True:
-            message = self._wait(self._inbox.take)
+            message = self._wait()
             if self._screen.passes(message):
                 return time.monotonic_ns(), message
             if message == self._screen.end:
                 return time.monotonic_ns(), END
+
+    def _wait(self) -> bytes:
+        signals = self._signals
+        signals.raising = True
+        try:
+            if signals.told:
+                signals.check()
+            return self._inbox.take()
+        finally:
+            signals.raising = False
 
 
 class CommandReceiver:

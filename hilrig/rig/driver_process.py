@@ -7,8 +7,6 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from hilrig.core.errors import Stopped
 from hilrig.core.interfaces import Progress
 from hilrig.loop.driver_node import DriverNode
@@ -18,7 +16,7 @@ from hilrig.recording.messages.layouts import layouts
 from hilrig.recording.run_directory import DRIVER_RECORD, trial_directory, write_json
 from hilrig.rig.channels import DRIVER_CHANNELS, RecordSender
 from hilrig.rig.child import Child, main
-from hilrig.rig.clock import NANOSECONDS, PROGRESS_NS, Begun, Pacer, Samples, Timer
+from hilrig.rig.clock import NANOSECONDS, PROGRESS_NS, Pacer, Samples, Timer
 from hilrig.rig.command_receiver import BlockingCommandReceiver, CommandReceiver
 from hilrig.rig.faults import Injector
 from hilrig.rig.frames import TickScreen, tick_of
@@ -38,17 +36,18 @@ class BusWire:
     def __init__(self, child: Child, node: DriverNode, codecs: Mapping[str, Codec], injector: Injector | None) -> None:
         trial = node.trial
         self._child, self._node, self._injector = child, node, injector
+        self._signals, self._sample = child.signals, node.arrays.observation.sample
         self._period, self._realtime = trial.period, trial.clock == "realtime"
         self._pacer = Pacer(trial.period, self._realtime, trial.rig.spin)
         outbox = child.bus.tick_outbox("state", blocking=not self._realtime)
         self._outbox = outbox if injector is None else injector.outbox(outbox)
         lead = child.bus.lead("command", "controller")
         self._screen = TickScreen(lead, codecs["command"].size)
-        inbox, wait = child.bus.tick_inbox("command"), child.signals.interruptible
+        inbox = child.bus.tick_inbox("command")
         self._commands = (
             CommandReceiver(inbox, self._screen)
             if self._realtime
-            else BlockingCommandReceiver(inbox, self._screen, wait)
+            else BlockingCommandReceiver(inbox, self._screen, child.signals)
         )
         self._record = RecordSender(child.record(), codecs, DRIVER_CHANNELS, {"state": outbox.lead})
         self._state = self._record.batches["state"]
@@ -61,7 +60,7 @@ class BusWire:
         self._waiting: deque[tuple[int, int, bytes]] = deque()
         self._acting, self._received = -1, 0
         self._row, self._last = -1, self._record.rows - 1
-        self._begun = Begun(0, 0, 0)
+        self._due = self._sampled = 0
         self._woke = self._published = self._applied = 0
         self._next_report = 0
         self._timer: Timer | Samples = Timer(self._pacer, trial.period)
@@ -100,19 +99,20 @@ class BusWire:
         """Wait until the tick is due; report progress and check for orders now and then."""
         self._row = 0 if self._row == self._last else self._row + 1
         if self._realtime:
-            self._begun = begun = self._timer.wait(tick)
+            begun = self._timer.wait(tick)
             self._woke = woke = time.monotonic_ns()
+            self._due, self._sampled = begun.due, begun.sampled
             self._age.begin(begun.tick, begun.tick - tick, woke)
+            self._watchdog.stroke(woke)
             tick = begun.tick
         else:
-            self._begun = Begun(tick, self._pacer.wait(tick), 0)
-            self._woke = woke = time.monotonic_ns()
+            self._due = self._woke = woke = time.monotonic_ns()
         if woke > self._next_report:
             self._next_report = woke + PROGRESS_NS
             self._child.tell("progress", tick=tick)
             self._check_orders()
-        self._child.signals.check()
-        self._watchdog.stroke(woke)
+        if self._signals.told:
+            self._signals.check()
         if self._injector is not None:
             self._injector.stall(tick)
         return tick
@@ -167,11 +167,11 @@ class BusWire:
     def _note(self, tick: int) -> None:
         """Write the time stamps of this tick; hand over the record when the batches are full."""
         if self._certified:
-            stamp, fresh = self._node.arrays.observation.sample[0], self._node.fresh
-            sampled = self._begun.sampled if np.isnan(stamp) else round(stamp * NANOSECONDS)
+            stamp, fresh = self._sample.tolist()
+            sampled = self._sampled if stamp != stamp else round(stamp * NANOSECONDS)  # nan: the plant does not say
             self._record.stamps.append((
-                tick, tick * self._period, self._begun.due, self._woke, self._published, self._acting, self._received,
-                self._applied, sampled, fresh, self._resumed.last,
+                tick, tick * self._period, self._due, self._woke, self._published, self._acting, self._received,
+                self._applied, sampled, fresh != 0.0 or tick == 0, self._resumed.last,
             ))  # fmt: skip
         if self._row == self._last:
             self._ship()

@@ -27,6 +27,19 @@ class StateReceiver:
 
     def take(self) -> bytes:
         """Wait for the next measurement and return it, or END."""
+        return self._take_newest() if self._realtime else self._take_next()
+
+    def _take_next(self) -> bytes:
+        screen = self._screen
+        screen.newest = min(screen.last + 1, self._ticks - 1)
+        while not self._ended:
+            message = self._inbox.take()
+            if screen.passes(message):
+                return message
+            self._ended = message == screen.end
+        return END
+
+    def _take_newest(self) -> bytes:
         newest = END
         while not newest and not self._ended:
             message: bytes | None = self._inbox.take()
@@ -36,18 +49,14 @@ class StateReceiver:
                     newest = message
                 elif message == self._screen.end:
                     self._ended = True
-                message = self._inbox.poll() if self._realtime and not self._ended else None
+                message = None if self._ended else self._inbox.poll()
                 if message is None:
                     break
         return newest
 
     def _permit(self) -> None:
         """Set the newest tick that can come by now."""
-        screen = self._screen
-        if self._realtime:
-            now = time.monotonic_ns()
-            ahead = SLACK + HURRY * (now - self._heard) // self._period_ns
-            screen.newest = min(max(screen.last + ahead, screen.newest), self._ticks - 1)
-            self._heard = now if screen.last >= 0 else self._heard
-        else:
-            screen.newest = min(screen.last + 1, self._ticks - 1)
+        screen, now = self._screen, time.monotonic_ns()
+        ahead = SLACK + HURRY * (now - self._heard) // self._period_ns
+        screen.newest = min(max(screen.last + ahead, screen.newest), self._ticks - 1)
+        self._heard = now if screen.last >= 0 else self._heard

@@ -13,6 +13,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 LONGEST = 300
 """Lines of a source file"""
+ALONE = {"drivers/hilrig_drivers/bridge.py"}
+"""Files that must hold everything: this one is run by the robot's interpreter, on its machine"""
 
 
 def sources() -> list[Path]:
@@ -41,7 +43,7 @@ def test_imports_keep_their_contracts() -> None:
 def test_source_files_stay_small() -> None:
     lengths = {str(path.relative_to(ROOT)): len(path.read_text(encoding="utf-8").splitlines()) for path in sources()}
     assert lengths
-    assert {name: length for name, length in lengths.items() if length > LONGEST} == {}
+    assert {name for name, length in lengths.items() if length > LONGEST} == ALONE
 
 
 def test_every_module_says_what_it_is_for() -> None:

@@ -14,9 +14,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hilrig.core.errors import Stopped
 from hilrig.recording.messages.codec import CDR_HEADER
 from hilrig.rig import background_sender
 from hilrig.rig.background_sender import BackgroundSender
+from hilrig.rig.child import Signals
 from hilrig.rig.command_receiver import BlockingCommandReceiver, CommandReceiver
 from hilrig.rig.frames import LEAD_BYTES, TickScreen
 
@@ -70,11 +72,20 @@ def test_in_lockstep_commands_are_taken_in_order() -> None:
     box: Any = Box()
     for message in (command(0), b"", command(0), command(1), LEAD):
         box.messages.put(message)
-    waiting, before = BlockingCommandReceiver(box, screen(), lambda wait: wait()), time.monotonic_ns()
+    waiting, before = BlockingCommandReceiver(box, screen(), Signals()), time.monotonic_ns()
     taken = [waiting.take() for _ in range(3)]
     assert [message for _, message in taken] == [command(0), command(1), b""]
     stamps = [before, *(moment for moment, _ in taken), time.monotonic_ns()]
     assert stamps == sorted(stamps)
+
+
+def test_a_signal_that_came_before_the_wait_ends_it() -> None:
+    signals: Any = Signals()
+    signals.raising, signals.told = False, "terminated"
+    box: Any = Box()
+    with pytest.raises(Stopped, match="terminated"):
+        BlockingCommandReceiver(box, screen(), signals).take()
+    assert not signals.raising, "nothing else may be interrupted"
 
 
 def test_commands_are_stamped_when_they_arrive_not_when_they_are_taken() -> None:

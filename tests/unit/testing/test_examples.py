@@ -36,6 +36,8 @@ FILES = {
     "mass.py": "drivers",
 }  # fmt: skip
 """The examples that are files of their own, with their groups"""
+BRIDGED = {"my_robot.py", "my_arm.py"}
+"""Those that tests/system/test_bridge.py runs"""
 LAW = EXPERIMENTS / "my_controller.py"
 
 
@@ -96,7 +98,7 @@ def test_a_law_takes_from_the_reference_what_the_axis_is_controlled_by() -> None
 def examples(tmp_path: Path) -> Path:
     """Return a folder with every file of the guides to drivers and to other kinds."""
     written = {*write_files(DRIVERS, tmp_path), *write_files(KINDS, tmp_path)}
-    assert written == {*FILES, "mass.yaml", "own.yaml"}
+    assert written == {*FILES, *BRIDGED, "mass.yaml", "own.yaml"}
     return tmp_path
 
 
