@@ -150,19 +150,24 @@ class BusWire:
 
     def _collect(self, wanted: int) -> None:
         """Put into effect the newest command that is not newer than `wanted`."""
-        while True:
-            while self._waiting and self._waiting[0][0] <= wanted:
-                self._acting, self._received, message = self._waiting.popleft()
-                self._heard.read(message)
-            if self._acting >= wanted or self._waiting:
-                return
+        while self._waiting and self._waiting[0][0] <= wanted:
+            self._apply(*self._waiting.popleft())
+        while self._acting < wanted and not self._waiting:
             arrival = self._commands.take()
             if arrival is None:
                 return
             received, message = arrival
             if not message:
                 raise Stopped("the controller ended first")
-            self._waiting.append((tick_of(message), received, message))
+            tick = tick_of(message)
+            if tick <= wanted:
+                self._apply(tick, received, message)
+            else:
+                self._waiting.append((tick, received, message))
+
+    def _apply(self, tick: int, received: int, message: bytes) -> None:
+        self._acting, self._received = tick, received
+        self._heard.read(message)
 
     def _note(self, tick: int) -> None:
         """Write the time stamps of this tick; hand over the record when the batches are full."""
