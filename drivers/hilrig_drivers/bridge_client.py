@@ -178,6 +178,9 @@ class RobotBridge:
             self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
             self._socket.connect((host, int(port)))
             return True
+        with suppress(OSError):
+            if os.stat(self._process.folder).st_uid != os.getuid():
+                raise HilrigError(f"{self._process.folder} belongs to another user, so nothing in it is trusted")
         link = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
             link.connect(self._at)
