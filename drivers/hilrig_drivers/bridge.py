@@ -29,8 +29,8 @@ from typing import Any, NamedTuple
 
 MAGIC = b"HRB1"
 ATTACH, MOVE, HOLD, DETACH, END, ALIVE = range(1, 7)
-HELD, FOLLOWING, TRIPPED, REFUSED = range(4)
-"""TRIPPED: held by the bridge itself, until a new session attaches; REFUSED: not attached"""
+HELD, FOLLOWING, TRIPPED, REFUSED, UNHELD = range(5)
+"""TRIPPED: held by the bridge itself, until a new session attaches; REFUSED: not attached; UNHELD: `hold` raised"""
 WRENCH, TEXT = 6, 160
 LOOK = 0.05  # s between two looks at the owner
 REMEMBERED = 1024  # samples whose time is kept until an order answers them
@@ -142,8 +142,8 @@ class Bridge:
         self.setup = setup
         self.ending = False
         """Whether the bridge is to end as soon as nobody is attached"""
-        self._nothing = (math.nan, [math.nan] * robot.joints, [math.nan] * WRENCH, [math.nan] * robot.joints)
-        self._newest = self._nothing
+        unknown = (math.nan,)
+        self._newest = math.nan, unknown * robot.joints, unknown * WRENCH, unknown * robot.joints
         self._sampled = self._heard = self._moved = -math.inf
         self._reference: list[float] = []
         self._sent: deque[tuple[int, float]] = deque(maxlen=REMEMBERED)
@@ -155,9 +155,17 @@ class Bridge:
 
     def sample(self, newest: tuple[float, Sequence[float], Sequence[float], Sequence[float]], now: float) -> None:
         """Take a sample of the robot: stamp, joint positions (n,), wrench (6,), joint torques (n,)."""
-        _, position, wrench, torque = newest
-        if (len(position), len(wrench), len(torque)) != (self.robot.joints, WRENCH, self.robot.joints):
-            self.trip("the robot gave a sample of another size")
+        try:
+            stamp, *parts = newest
+            position, wrench, torque = (tuple(map(float, part)) for part in parts)
+            newest = float(stamp), position, wrench, torque
+        except (TypeError, ValueError) as error:
+            self.trip(f"read returned no sample: {in_words(error)}")
+            return
+        n = self.robot.joints
+        if (len(position), len(wrench), len(torque)) != (n, WRENCH, n):
+            sizes = f"{len(position)}, {len(wrench)} and {len(torque)} values"
+            self.trip(f"read returned {sizes} for joints, wrench and torques, not {n}, {WRENCH} and {n}")
         elif not all(map(math.isfinite, (*position, *wrench, *torque))):
             self.trip("the robot gave a sample that is not finite")
         else:
@@ -226,12 +234,11 @@ class Bridge:
         if why:
             self.trip(why)
             return
+        self.state, self._reference, self._moved = FOLLOWING, list(order.position), now
         try:
             self.robot.move(list(order.position))
-        except Exception as error:
+        except Exception as error:  # it may have begun to move
             self.trip(f"move raised {in_words(error)}")
-            return
-        self.state, self._reference, self._moved = FOLLOWING, list(order.position), now
 
     def _time_of(self, number: int) -> float:
         """Return when a sample was sent; long ago if it is not known."""
@@ -275,9 +282,10 @@ class Bridge:
             self.text = why
             self._stand(TRIPPED)
 
-    def rest(self) -> None:
-        """Hold the robot, if it may still follow."""
+    def rest(self) -> str:
+        """Hold the robot, if it may still follow; return why that was not possible, empty if it was."""
         self._stand(HELD)
+        return self.text if self._unheld else ""
 
     def _stand(self, state: int) -> None:
         """Pass into a state in which the robot is held."""
@@ -292,12 +300,11 @@ class Bridge:
 
     def answer(self) -> bytes:
         """Return the newest sample and the state, as a datagram for the session."""
-        return self._pack(self.session, self.state, self.text)
+        return self._pack(self.session, UNHELD if self._unheld else self.state, self.text)
 
     def _pack(self, session: int, state: int, text: str) -> bytes:
         head = session, self.number, self.done, state, self.refused, self.setup, self.robot.joints
-        stamp, position, wrench, torque = self._newest
-        return pack_sample(Sample(*head, stamp, tuple(position), tuple(wrench), tuple(torque), text))
+        return pack_sample(Sample(*head, *self._newest, text))
 
 
 def in_words(error: BaseException) -> str:
@@ -375,9 +382,11 @@ def serve(bridge: Bridge, link: socket.socket, owner: int) -> None:
     try:
         _attend(bridge, link, owner, sampler, ears, told)
     finally:
-        bridge.rest()
+        stuck = bridge.rest()
         sampler.enough = True
         sampler.join(1.0)
+    if stuck:
+        raise SystemExit(stuck)
 
 
 def _attend(bridge: Bridge, link: socket.socket, owner: int, sampler: Sampler, ears: int, told: Sequence[str]) -> None:
@@ -399,7 +408,7 @@ def _attend(bridge: Bridge, link: socket.socket, owner: int, sampler: Sampler, e
         if driver is not None and (newest is not None or bridge.state != before):
             _send(link, bridge.answer(), driver)
         driver = _take_orders(bridge, link, driver)
-        gone = owner and birth(owner) != born
+        gone = owner and (not born or birth(owner) != born)
         if gone or (bridge.ending and not bridge.attached(time.monotonic())):
             return
 

@@ -14,7 +14,20 @@ from hilrig import Array, HilrigError, Tripped
 from hilrig_drivers import bridge
 from hilrig_drivers._bridge_process import BridgeProcess
 from hilrig_drivers._bridge_process import BridgeSettings as BridgeSettings
-from hilrig_drivers.bridge import ALIVE, ATTACH, DETACH, END, FOLLOWING, HELD, HOLD, MOVE, REFUSED, TRIPPED, Sample
+from hilrig_drivers.bridge import (
+    ALIVE,
+    ATTACH,
+    DETACH,
+    END,
+    FOLLOWING,
+    HELD,
+    HOLD,
+    MOVE,
+    REFUSED,
+    TRIPPED,
+    UNHELD,
+    Sample,
+)
 
 ANSWER_S = 1.0
 """Time the bridge may take to answer"""
@@ -55,8 +68,9 @@ class RobotBridge:
     def wait(self, timeout_s: float) -> bool:
         """Wait for a new sample; return whether one came. Raises Tripped if the bridge has taken the robot away."""
         new = self._receive(timeout_s)
-        if self.sample.state in (TRIPPED, REFUSED):
-            raise Tripped(f"the bridge holds the robot: {self.sample.text}")
+        if self.sample.state not in (HELD, FOLLOWING):
+            what = "cannot hold" if self.sample.state == UNHELD else "holds"
+            raise Tripped(f"the bridge {what} the robot: {self.sample.text}")
         if self.sample.state != FOLLOWING:
             self._send(ALIVE)
         return new
@@ -78,6 +92,7 @@ class RobotBridge:
             self._process.show_log()
             if self._own and not self._connect():  # it was killed
                 self._process.remove()
+            self._disconnect()
             if self.sample.refused:
                 print(f"the bridge has refused {self.sample.refused} datagrams so far", flush=True)
 
@@ -125,6 +140,8 @@ class RobotBridge:
                 self._refused(deadline)
             elif self.sample.done >= first and self.sample.state in (HELD, TRIPPED):
                 return
+        if self.sample.state == UNHELD:
+            raise HilrigError(f"the bridge cannot hold the robot: {self.sample.text}")
         raise TimeoutError
 
     def _refused(self, deadline: float) -> None:
@@ -185,9 +202,12 @@ class RobotBridge:
         try:
             link.connect(self._at)
             link.bind(self._mine)
-        except OSError:
+        except (FileNotFoundError, ConnectionRefusedError):
             link.close()
             return False
+        except OSError as error:  # a bridge may be there: another one would be a second owner of the robot
+            link.close()
+            raise HilrigError(f"the bridge at {self._at} cannot be reached: {error}") from None
         self._socket = link
         return True
 
@@ -203,11 +223,14 @@ class RobotBridge:
         return str(self._process.folder / f"{self._session:x}")
 
     def _replace(self) -> None:
-        """End a bridge with other settings, and start another one."""
-        self._try(END, ANSWER_S)
+        """End a bridge with other settings, and start another one. Raises HilrigError if it does not end."""
+        self._ask(END, ANSWER_S)
         self._disconnect()
-        deadline = time.monotonic() + ANSWER_S
-        while os.path.exists(self._at) and time.monotonic() < deadline:
+        limit_s = self._settings.start_time
+        deadline = time.monotonic() + limit_s
+        while os.path.exists(self._at):
+            if time.monotonic() > deadline:  # two may not have one robot
+                raise HilrigError(f"the bridge at {self._at} has other settings and does not end within {limit_s:g} s")
             time.sleep(AGAIN_S)
         self._session, self._sent, self.sample = secrets.randbits(63) + 1, 0, self.sample._replace(number=0, done=0)
         self._process.start()

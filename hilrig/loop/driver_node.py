@@ -17,6 +17,8 @@ from hilrig.loop.plain_parts import plant_kernels, take, take_measurement
 from hilrig.loop.rows import DriverRows
 from hilrig.loop.safety import why_outside, why_unsafe
 
+LOOK_AT_THE_ARM = "look at the arm"
+"""In every message that says that a plant could not be held or closed"""
 BEFORE_TICKS = -1
 """Stands for a tick before the first one"""
 
@@ -242,7 +244,7 @@ class DriverNode:
                 problems.append(f"{name} raised {raised(error)}")
         self._plant = None
         if problems:
-            raise RigError(f"driver {self._name}: {'; '.join(problems)}: look at the arm")
+            raise RigError(f"driver {self._name}: {'; '.join(problems)}: {LOOK_AT_THE_ARM}")
 
 
 def _nothing() -> None:

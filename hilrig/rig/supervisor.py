@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hilrig.experiment.trial import Trial
+from hilrig.loop.driver_node import LOOK_AT_THE_ARM
 from hilrig.recording.run_directory import read_driver_record
 from hilrig.recording.timing import add_refused
 from hilrig.rig.child import HALTED
@@ -134,6 +135,8 @@ class Supervision:
 
     def _take(self, role: str, event: str, status: dict[str, Any]) -> None:
         self._silence.restart()
+        if role == "driver" and LOOK_AT_THE_ARM in status.get("reason", ""):
+            self._verdict = None  # whatever ended the trial, this matters more; the driver's reason names both
         if event == "ready":
             self._ready[role] = status
         elif event == "progress":
@@ -152,7 +155,7 @@ class Supervision:
                 if halted:  # the program was told to stop at the same time
                     self._verdict = None
                 # If the driver stopped because its controller ended, the driver is not the cause.
-                if status["outcome"] in ("tripped", "timed_out") or halted:
+                if status["outcome"] in ("tripped", "timed_out", "failed") or halted:
                     self._conclude(status["outcome"], status["reason"])
         else:
             self._conclude("tripped" if event == "tripped" else "failed", f"{role}: {status['reason']}")

@@ -53,8 +53,12 @@ class Robot:
 
     def hold(self):
         self.note("hold")
+        if self.has("stuck"):
+            raise OSError("the brake does not answer")
 
     def close(self):
+        while self.has("busy"):
+            time.sleep(0.01)
         self.note("close")
 '''
 

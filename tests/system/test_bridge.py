@@ -157,6 +157,18 @@ def test_the_robot_is_in_trouble(start, bridged, tmp_path: Path, what: str, word
     assert f"the bridge holds the robot: {words}" in outcome["reason"]
 
 
+def test_a_robot_that_cannot_be_held_is_told(start, bridged, tmp_path: Path) -> None:
+    program = start("run", bridged(duration=LONG), "--no-report")
+    wait_for(moving(tmp_path))
+    fault(tmp_path, "stuck").touch()
+    program.send_signal(signal.SIGINT)
+    end_of(program)
+    (outcome,) = outcomes(tmp_path)
+    assert "the bridge cannot hold the robot: hold raised OSError: the brake does not answer" in outcome["reason"]
+    assert outcome["reason"].endswith("look at the arm")
+    wait_for(gone(bridge_process(tmp_path)))
+
+
 def test_a_robot_in_trouble_is_not_attached_to(hilrig, bridged, tmp_path: Path) -> None:
     fault(tmp_path, "runstop").touch()
     assert hilrig("run", bridged(), "--no-report").returncode == 1
@@ -282,6 +294,37 @@ def test_a_bridge_with_other_settings_is_ended_before_another_one_begins(tmp_pat
     assert robot_calls(tmp_path)[1][2] != robot_calls(tmp_path)[2][2]
 
 
+def test_a_bridge_that_does_not_end_keeps_the_robot_to_itself(tmp_path: Path) -> None:
+    RobotBridge(settings(tmp_path), 2).close()
+    fault(tmp_path, "busy").touch()
+    with pytest.raises(HilrigError, match=r"has other settings and does not end within 0.5 s"):
+        RobotBridge(settings(tmp_path, sample_age=0.5, start_time=0.5), 2)
+    fault(tmp_path, "busy").unlink()
+    wait_for(lambda: "close" in whats(tmp_path))
+    bridge_process(tmp_path).wait(10)
+    assert whats(tmp_path) == ["begin", "close"]
+
+
+def test_a_bridge_that_cannot_be_reached_is_not_started_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("secrets.randbits", lambda bits: 7)
+    first = RobotBridge(settings(tmp_path), 2)
+    with pytest.raises(HilrigError, match=r"cannot be reached: .*in use"):
+        RobotBridge(settings(tmp_path), 2)
+    end(first, tmp_path)
+    assert whats(tmp_path) == ["begin", "close"]
+
+
+def test_a_bridge_whose_owner_is_gone_before_it_begins(tmp_path: Path) -> None:
+    gone_already = subprocess.Popen(["true"])
+    gone_already.wait()
+    words = [str(robot_side(tmp_path)), "--at", f"127.0.0.1:{free_port()}", "--owner", str(gone_already.pid)]
+    done = subprocess.run(
+        [sys.executable, bridge.__file__, *words, "--set", f"calls={tmp_path / 'robot.txt'}"], timeout=20
+    )
+    assert done.returncode == 0
+    assert whats(tmp_path) == ["begin", "close"]
+
+
 def test_a_bridge_that_somebody_has_started_on_a_port(tmp_path: Path) -> None:
     at = f"127.0.0.1:{free_port()}"
     calls = tmp_path / "robot.txt"
@@ -319,6 +362,9 @@ def test_the_example_of_the_guide(hilrig, bridged, tmp_path: Path) -> None:
     path = bridged()
     arm = f"  kind: ./my_arm.py\n  python: {sys.executable}\n"
     path.write_text(path.read_text().replace("  kind: ./bridged.py\n", arm).replace(f"  age: {AGE} s\n", ""))
+    driver = tmp_path / "my_arm.py"
+    patient = f'{{"host": self.host}}, order_age={AGE}, sample_age={AGE})'  # a busy machine stands still now and then
+    driver.write_text(driver.read_text().replace('{"host": self.host})', patient))
     side = tmp_path / "my_robot.py"  # stand it where the trial starts
     side.write_text(side.read_text().replace("[0.9, 0.6]", "[0.987, 1.839]"))
     done = hilrig("run", path, "--no-report")

@@ -134,6 +134,18 @@ def test_a_plant_that_cannot_be_held_is_closed_and_says_so(hilrig, robot, tmp_pa
     assert "hold raised OSError: stuck: look at the arm" in outcome_of(tmp_path)["reason"]
 
 
+def test_a_plant_that_cannot_be_held_after_ctrl_c_says_so(start, robot, tmp_path: Path) -> None:
+    program = start("run", robot(duration=LONG, hold="raise OSError('stuck')"), "--no-report")
+    wait_for(running(tmp_path))
+    program.send_signal(signal.SIGINT)
+    _, stderr = end_of(program)
+    once_held_then_closed(tmp_path)
+    outcome = outcome_of(tmp_path)
+    assert outcome["outcome"] == "failed"
+    assert "hold raised OSError: stuck: look at the arm" in outcome["reason"]
+    assert "look at the arm" in stderr
+
+
 def test_an_arm_that_is_not_at_the_start_is_refused_with_both_values(hilrig, robot, tmp_path: Path) -> None:
     assert hilrig("run", robot(off="0.1"), "--no-report").returncode == 1
     reason = outcome_of(tmp_path)["reason"]

@@ -6,6 +6,7 @@ import ast
 import math
 import struct
 from pathlib import Path
+from typing import Any
 
 import pytest
 import vermin
@@ -21,6 +22,7 @@ from hilrig_drivers.bridge import (
     MOVE,
     REFUSED,
     TRIPPED,
+    UNHELD,
     Bridge,
     Order,
     Sample,
@@ -268,12 +270,14 @@ def test_a_hold_that_fails_is_tried_again_and_told(talk: Talk) -> None:
     talk.arm.broken = True
     answer = talk.say(HOLD)
     assert answer is not None
-    assert (answer.state, answer.text) == (TRIPPED, "hold raised OSError: unplugged: look at the arm")
+    assert (answer.state, answer.text) == (UNHELD, "hold raised OSError: unplugged: look at the arm")
+    assert talk.bridge.rest() == answer.text
     talk.pass_(0.05)
     talk.arm.broken = False
     talk.pass_(0.05)
     talk.pass_(0.05)
-    assert talk.arm.told == [(0.0, 0.0), "hold", "hold", "hold"]
+    assert talk.arm.told == [(0.0, 0.0), *["hold"] * 4]
+    assert talk.bridge.rest() == ""
 
 
 def test_a_move_that_fails_holds_it(talk: Talk) -> None:
@@ -281,13 +285,25 @@ def test_a_move_that_fails_holds_it(talk: Talk) -> None:
     talk.say(MOVE)
     assert talk.bridge.state == TRIPPED
     assert "unplugged" in talk.bridge.text
+    assert talk.arm.told == [(0.0, 0.0), "hold"], "it may have begun to move"
 
 
-@pytest.mark.parametrize("sample", [(0.0, (math.nan, 0.0)), (0.0, (0.0,))])
-def test_a_sample_that_is_none(talk: Talk, sample: tuple[float, tuple[float, ...]]) -> None:
+@pytest.mark.parametrize(
+    "sample",
+    [
+        (0.0, (math.nan, 0.0), [0.0] * 6, [0.0, 0.0]),
+        (0.0, (0.0,), [0.0] * 6, [0.0, 0.0]),
+        (0.0, (0.0, "x"), [0.0] * 6, [0.0, 0.0]),
+        (0.0, (0.0, 0.0), [0.0] * 6),
+        (None, (0.0, 0.0), [0.0] * 6, [0.0, 0.0]),
+        "sample",
+        7,
+    ],
+)
+def test_a_sample_that_is_none(talk: Talk, sample: Any) -> None:
     talk.say(MOVE)
     number = talk.bridge.number
-    talk.bridge.sample((*sample, [0.0] * 6, [0.0, 0.0]), talk.now)
+    talk.bridge.sample(sample, talk.now)
     assert talk.bridge.state == TRIPPED
     assert talk.bridge.number == number
 
