@@ -25,7 +25,7 @@ from hilrig.core.interfaces import (
     Task,
     TrialStart,
 )  # fmt: skip
-from hilrig.core.signals import Array, DisturbanceSchedule, Reference, State
+from hilrig.core.signals import Array, DisturbanceSchedule, Kinematics, Reference, State
 from hilrig.experiment.limits import Limits
 from hilrig.experiment.rig_settings import RigSettings
 from hilrig.experiment.timing_budget import TimingBudget
@@ -249,7 +249,9 @@ def make_task(trial: Trial) -> Task:
     """Return what the control law receives before the trial."""
     robot = trial.driver.robot
     impedance = make_impedance(trial.task, trial.axes)
-    return Task(trial.period, trial.axes, impedance, robot.dynamic_parameters(), robot.torque_limits())
+    # Copies, because a law may write into what it is given, and these may be the robot's own.
+    model, limits = np.array(robot.dynamic_parameters()), np.array(robot.torque_limits())
+    return Task(trial.period, trial.axes, impedance, model, limits)
 
 
 def start_joint_position(trial: Trial) -> Array:
@@ -268,7 +270,7 @@ def first_state(trial: Trial, q: Array, force: Array, torque: Array, elapsed: fl
     `force` is along the task axes (m,) N, `torque` the torque in effect (n,) N m, `elapsed` in s.
     """
     still = np.zeros(trial.driver.robot.joints)
-    at = trial.driver.robot.kinematics(q.copy(), still.copy())
+    at = Kinematics(*(np.array(part) for part in trial.driver.robot.kinematics(q.copy(), still.copy())))
     return State(
         q.copy(), still, at.position, at.velocity, at.jacobian, at.jacobian_rate, at.regressor,
         np.array(force), torque.copy(), elapsed,

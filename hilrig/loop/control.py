@@ -46,10 +46,12 @@ class ControllerArrays(NamedTuple):
     """Last measured q, (n,) rad"""
     velocity: Array
     """q', filtered, (n,) rad/s"""
+    force: Array
+    """Last measured F_e, (m,) N"""
     torque: Array
     """Last commanded torque, after limits, (n,) N m"""
     seen: State
-    """What the law receives. Rewritten at every tick, so changes by a law reach neither loop nor record"""
+    """What the law receives. Rewritten before every call, so that what a law writes into it reaches nobody else"""
     at: Kinematics
     """The arrays in `seen` that follow from the kinematics"""
     wanted: Reference
@@ -67,13 +69,15 @@ law_step: Callable[[Any, Any, State, Reference], Array] = cast(Any, None)
 
 
 def observe_template(
-    tick: int, q: Array, wrench: Array, stamp: float, robot: Any, arrays: ControllerArrays, rows: ControllerRows
-) -> float:
+    tick: int, q: Array, wrench: Array, stamp: float, fresh: bool, robot: Any, arrays: ControllerArrays,
+    rows: ControllerRows,
+) -> float:  # fmt: skip
     """Compute what the law receives from joint positions (n,) and wrench (6,), and record it in the next row.
 
-    Returns the time since the law's last call, s.
+    Where the sample is not `fresh`, that is the last one again. Returns the time since the law's last call, s.
     """
-    elapsed = follow(tick, q, wrench, stamp, arrays)
+    elapsed = follow(tick, q, wrench, stamp, arrays) if fresh else repeat(tick, arrays)
+    show(tick, arrays)
     robot_kinematics(robot, arrays.position, arrays.velocity, arrays.at)
     # Before the answer, because a law that is a kernel may write into its arguments.
     note_given(tick, arrays, rows)
@@ -82,8 +86,7 @@ def observe_template(
 
 @kernel_without_arrays
 def follow(tick: int, q: Array, wrench: Array, stamp: float, arrays: ControllerArrays) -> float:
-    """Take in a fresh sample and the reference of its tick; return the time since the law's last call, s."""
-    seen = arrays.seen
+    """Take in a fresh sample; return the time since the law's last call, s."""
     # A sample can be missed: a difference over two periods must not be divided by one.
     gap = float(max(tick - arrays.last_tick[0], 1))
     called, elapsed = (tick - arrays.last_tick[1]) * arrays.period, gap * arrays.period
@@ -95,34 +98,31 @@ def follow(tick: int, q: Array, wrench: Array, stamp: float, arrays: ControllerA
     smoothing = arrays.smoothing if gap == 1.0 else 1.0 - (1.0 - arrays.smoothing) ** gap
     filter_velocity(arrays.velocity, q, arrays.position, elapsed, smoothing)
     put(arrays.position, q)
-    put(seen.joint_position, q)
-    put(seen.joint_velocity, arrays.velocity)
-    put(seen.torque, arrays.torque)
-    for i in range(seen.force.size):
-        seen.force[i] = wrench[arrays.force_index[i]]
-    refer(tick, arrays)
+    for i in range(arrays.force.size):
+        arrays.force[i] = wrench[arrays.force_index[i]]
     return called if arrays.call_when_stale and called > 0.0 else elapsed
 
 
 @kernel_without_arrays
-def refer(tick: int, arrays: ControllerArrays) -> None:
-    """Take in the reference of a tick."""
-    wanted = arrays.wanted
+def repeat(tick: int, arrays: ControllerArrays) -> float:
+    """Keep the last fresh sample; return the time since the law's last call, s."""
+    elapsed = (tick - arrays.last_tick[1]) * arrays.period
+    arrays.last_tick[1] = tick
+    return elapsed
+
+
+@kernel_without_arrays
+def show(tick: int, arrays: ControllerArrays) -> None:
+    """Write the last sample and the reference of a tick into what the law receives."""
+    seen, wanted = arrays.seen, arrays.wanted
+    put(seen.joint_position, arrays.position)
+    put(seen.joint_velocity, arrays.velocity)
+    put(seen.torque, arrays.torque)
+    put(seen.force, arrays.force)
     put(wanted.position, arrays.references.position[tick])
     put(wanted.velocity, arrays.references.velocity[tick])
     put(wanted.acceleration, arrays.references.acceleration[tick])
     put(wanted.force, arrays.references.force[tick])
-
-
-@kernel_without_arrays
-def repeat(tick: int, arrays: ControllerArrays, rows: ControllerRows) -> float:
-    """Record the last fresh sample again, with the reference of this tick; return the time since the last call, s."""
-    elapsed = (tick - arrays.last_tick[1]) * arrays.period
-    arrays.last_tick[1] = tick
-    put(arrays.seen.torque, arrays.torque)
-    refer(tick, arrays)
-    note_given(tick, arrays, rows)
-    return elapsed
 
 
 @kernel
@@ -196,11 +196,9 @@ def controller_template(
     while True:
         tick = int(heard.tick[0])
         rows.written[0] = row
-        if heard.fresh[0]:
-            elapsed = observe(tick, heard.joint_position[0], heard.wrench[0], heard.stamp[0], robot, arrays, rows)
-        else:
-            elapsed = repeat(tick, arrays, rows)
-        if heard.fresh[0] or arrays.call_when_stale:
+        q, wrench, stamp, fresh = heard.joint_position[0], heard.wrench[0], heard.stamp[0], heard.fresh[0] != 0
+        elapsed = observe(tick, q, wrench, stamp, fresh, robot, arrays, rows)
+        if fresh or arrays.call_when_stale:
             asked = law_step(parameters, memory, since(elapsed, arrays.seen), arrays.wanted)
             yield answer(tick, asked, fields, arrays, rows)
         else:
@@ -226,6 +224,6 @@ def controller_arrays(trial: Trial) -> ControllerArrays:
     return ControllerArrays(
         references(trial), trial.period, trial.velocity_smoothing, trial.driver.servo_gain or 0.0, force_index,
         envelope(trial), trial.task.on_stale_sample == "call", np.zeros(2, np.int64),
-        np.full(1, np.nan), start.copy(), np.zeros(n), np.zeros(n), seen, at,
+        np.full(1, np.nan), start.copy(), np.zeros(n), np.zeros(m), np.zeros(n), seen, at,
         Reference(*(np.zeros(m) for _ in Reference._fields)), np.zeros(n), np.zeros(1, np.int64),
     )  # fmt: skip

@@ -57,7 +57,7 @@ def sense_template(
     if not measure(tick, plant, state, arrays.driver, rows.driver):
         return False, 0.0
     q, wrench = reported.joint_position[row], reported.wrench[row]
-    return True, observe(tick, q, wrench, reported.stamp[row], robot, arrays.controller, rows.controller)
+    return True, observe(tick, q, wrench, reported.stamp[row], True, robot, arrays.controller, rows.controller)
 
 
 def act_template(

@@ -10,8 +10,9 @@ from typing import Protocol
 from hilrig.rig.bus import Inbox
 from hilrig.rig.frames import TickScreen
 
+Arrival = tuple[int, int, bytes]
+"""Tick of a command, when it arrived (ns), and its message; the message is END if no more will come"""
 END = b""
-"""In place of a message: no more will come"""
 
 
 class Interruptions(Protocol):
@@ -34,22 +35,19 @@ class BlockingCommandReceiver:
         """A signal can end the wait for a message."""
         self._inbox, self._screen, self._signals = inbox, screen, signals
 
-    def take(self) -> tuple[int, bytes]:
-        """Wait for the next message; return when it arrived, ns, and the message, or END. Raises Stopped."""
-        while True:
-            message = self._wait()
-            if self._screen.passes(message):
-                return time.monotonic_ns(), message
-            if message == self._screen.end:
-                return time.monotonic_ns(), END
-
-    def _wait(self) -> bytes:
-        signals = self._signals
+    def take(self) -> Arrival:
+        """Wait for the next command. Raises Stopped."""
+        screen, signals = self._screen, self._signals
         signals.raising = True
         try:
             if signals.told:
                 signals.check()
-            return self._inbox.take()
+            message = self._inbox.take()
+            while not screen.passes(message):
+                if message == screen.end:
+                    return screen.last, time.monotonic_ns(), END
+                message = self._inbox.take()
+            return screen.last, time.monotonic_ns(), message
         finally:
             signals.raising = False
 
@@ -63,7 +61,7 @@ class CommandReceiver:
 
     def __init__(self, inbox: Inbox, screen: TickScreen) -> None:
         self._inbox, self._screen = inbox, screen
-        self._arrived: deque[tuple[int, bytes]] = deque()
+        self._arrived: deque[Arrival] = deque()
         Thread(target=self._listen, name="receiver", daemon=True).start()
 
     def _listen(self) -> None:
@@ -73,11 +71,11 @@ class CommandReceiver:
             except Exception:  # the bus is closed
                 break
             if self._screen.passes(message):
-                self._arrived.append((time.monotonic_ns(), message))
+                self._arrived.append((self._screen.last, time.monotonic_ns(), message))
             elif message == self._screen.end:
                 break
-        self._arrived.append((time.monotonic_ns(), END))
+        self._arrived.append((self._screen.last, time.monotonic_ns(), END))
 
-    def take(self) -> tuple[int, bytes] | None:
-        """Return when the next message arrived, ns, and the message, or END; None if none has arrived."""
+    def take(self) -> Arrival | None:
+        """Return the next command; None if none has arrived."""
         return self._arrived.popleft() if self._arrived else None

@@ -17,9 +17,9 @@ from hilrig.recording.run_directory import DRIVER_RECORD, trial_directory, write
 from hilrig.rig.channels import DRIVER_CHANNELS, RecordSender
 from hilrig.rig.child import Child, main
 from hilrig.rig.clock import NANOSECONDS, PROGRESS_NS, Pacer, Samples, Timer
-from hilrig.rig.command_receiver import BlockingCommandReceiver, CommandReceiver
+from hilrig.rig.command_receiver import Arrival, BlockingCommandReceiver, CommandReceiver
 from hilrig.rig.faults import Injector
-from hilrig.rig.frames import TickScreen, tick_of
+from hilrig.rig.frames import TickScreen
 from hilrig.rig.rows import HeardCommand, driver_rows
 from hilrig.rig.stage_record import StageRecord
 from hilrig.rig.warm_up import warm_up_driver
@@ -57,7 +57,7 @@ class BusWire:
         self._heard = HeardCommand(codecs, lead)
         self._rows = driver_rows(self._record.batches)
         node.bind(self._rows, self._heard.acting)
-        self._waiting: deque[tuple[int, int, bytes]] = deque()
+        self._waiting: deque[Arrival] = deque()
         self._acting, self._received = -1, 0
         self._row, self._last = -1, self._record.rows - 1
         self._due = self._sampled = 0
@@ -156,14 +156,13 @@ class BusWire:
             arrival = self._commands.take()
             if arrival is None:
                 return
-            received, message = arrival
+            tick, received, message = arrival
             if not message:
                 raise Stopped("the controller ended first")
-            tick = tick_of(message)
             if tick <= wanted:
                 self._apply(tick, received, message)
             else:
-                self._waiting.append((tick, received, message))
+                self._waiting.append(arrival)
 
     def _apply(self, tick: int, received: int, message: bytes) -> None:
         self._acting, self._received = tick, received

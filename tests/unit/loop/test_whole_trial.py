@@ -11,11 +11,12 @@ from helpers.builders import arm, surface, trial
 from helpers.drivers import DRIVERS
 from helpers.in_memory import memory_of, pass_messages
 from helpers.laws import EVERYTHING, SERVO, Numpy
-from helpers.plain_loop import Passed, run_plainly
+from helpers.plain_loop import run_plainly
+from helpers.whole_trials import Blocks, run_in_blocks
 from hilrig_drivers.two_link import TwoLink
 
 from hilrig.core.compiler import kernel
-from hilrig.core.errors import PluginError, Tripped
+from hilrig.core.errors import PluginError
 from hilrig.core.interfaces import Law, Task
 from hilrig.core.signals import Array, Reference, State
 from hilrig.experiment.trial import Limits, PhaseSpec, Trial
@@ -29,12 +30,6 @@ from hilrig.kinds.references.hold import Hold
 from hilrig.kinds.references.sine import Sine
 from hilrig.loop.driver_node import DriverNode
 from hilrig.loop.ticks import Ending
-from hilrig.loop.whole_trial import TrialRows, WholeTrial
-from hilrig.recording.messages.layouts import layouts
-from hilrig.recording.messages.record_batch import RecordBatch
-from hilrig.rig.rows import controller_rows, driver_rows
-
-CHANNELS = ("state", "truth", "command", "internals")
 
 
 @dataclass(frozen=True)
@@ -51,45 +46,6 @@ class Closed:
             return gain * (reference.position - state.position)
 
         return Law(step, (), ())
-
-
-class Blocks:
-    """A whole trial done in blocks, and its messages."""
-
-    def __init__(self, subject: Trial, sizes: dict[str, int]) -> None:
-        self._codecs = layouts(2, 2, sizes)
-        node = DriverNode(subject)
-        node.connect()
-        self.trial = WholeTrial(node)
-        self.passed = Passed()
-
-    def start(self) -> None:
-        self.trial.start(
-            driver_rows({name: RecordBatch(self._codecs[name], 2) for name in ("state", "truth", "applied")})
-        )
-
-    def do(self, ticks: int) -> Ending | None:
-        batches = {name: RecordBatch(self._codecs[name], max(ticks, 2)) for name in (*CHANNELS, "applied")}
-        rows = TrialRows(driver_rows(batches), controller_rows(batches))
-        try:
-            return self.trial.do(ticks, rows)
-        finally:
-            for name in CHANNELS:
-                node = rows.driver if name in ("state", "truth") else rows.controller
-                getattr(self.passed, name).extend(batches[name].message(row) for row in range(node.written[0]))
-
-
-def run_in_blocks(subject: Trial, sizes: dict[str, int], block: int) -> tuple[Passed, Ending]:
-    """Run a trial in blocks of so many ticks; return its messages and how it ended."""
-    blocks, ending = Blocks(subject, sizes), None
-    try:
-        blocks.start()
-    except Tripped as trip:
-        ending = Ending("tripped", str(trip), 0)
-    while ending is None:
-        ending = blocks.do(block)
-    blocks.passed.reason = ending.reason
-    return blocks.passed, ending
 
 
 def compared(subject: Trial, block: int = 37) -> Ending:

@@ -74,8 +74,8 @@ def test_in_lockstep_commands_are_taken_in_order() -> None:
         box.messages.put(message)
     waiting, before = BlockingCommandReceiver(box, screen(), Signals()), time.monotonic_ns()
     taken = [waiting.take() for _ in range(3)]
-    assert [message for _, message in taken] == [command(0), command(1), b""]
-    stamps = [before, *(moment for moment, _ in taken), time.monotonic_ns()]
+    assert [(tick, message) for tick, _, message in taken] == [(0, command(0)), (1, command(1)), (1, b"")]
+    stamps = [before, *(moment for _, moment, _ in taken), time.monotonic_ns()]
     assert stamps == sorted(stamps)
 
 
@@ -100,8 +100,8 @@ def test_commands_are_stamped_when_they_arrive_not_when_they_are_taken() -> None
         spans.append((before, time.monotonic_ns()))
     while (arrival := receiver.take()) is not None:
         taken.append(arrival)
-    assert [message for _, message in taken] == [command(0), command(1), b""]
-    for (moment, _), (before, after) in zip(taken, spans, strict=True):
+    assert [(tick, message) for tick, _, message in taken] == [(0, command(0)), (1, command(1)), (1, b"")]
+    for (_, moment, _), (before, after) in zip(taken, spans, strict=True):
         assert before <= moment <= after
 
 
@@ -117,7 +117,7 @@ def test_a_closed_bus_ends_the_commands() -> None:
     assert within(20.0, lambda: bool(receiver._arrived))  # pyright: ignore[reportPrivateUsage]
     arrival = receiver.take()
     assert arrival is not None
-    assert arrival[1] == b""
+    assert arrival[2] == b""
     assert receiver.take() is None
 
 
