@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import pytest
+from helpers.builders import trial
+from rich.console import Console
 
 from hilrig.cli.progress import Display
 from hilrig.cli.terminal import errors, print_table
@@ -24,3 +26,24 @@ def test_errors_show_the_text_of_users_as_it_is(text: str) -> None:
 def test_a_trials_bar_has_the_trials_name_as_it_is() -> None:
     column = Display(1)._bars.columns[0]
     assert getattr(column, "markup", None) is False
+
+
+def shown(display: Display) -> str:
+    """Return the bars as they stand on a wide terminal."""
+    console = Console(width=200)
+    with console.capture() as captured:
+        console.print(display._bars.get_renderable())
+    return captured.get()
+
+
+def test_what_a_plant_does_stands_in_place_of_the_time() -> None:
+    display, subject = Display(1), trial()
+    display.started(subject)
+    assert "starting" in shown(display)
+    display.doing(subject, "approaching [z], 1.2 N of 3.5 N")
+    assert "approaching [z], 1.2 N of 3.5 N" in shown(display)
+    assert "starting" not in shown(display)
+    display.doing(subject, "")
+    for tick in (1, 100):
+        display.progressed(subject, tick)
+    assert "0.1 / 0.2 s" in shown(display)

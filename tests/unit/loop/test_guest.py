@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.builders import arm, surface, trial
+from helpers.builders import trial
 from helpers.in_memory import Nodes, pass_messages
 from helpers.whole_trials import CHANNELS, pass_whole
-from hilrig_drivers.two_link import TwoLink
 
 from hilrig.core.compiler import kernel
 from hilrig.core.interfaces import Law, Task
@@ -77,7 +76,7 @@ class Guest:
 
 
 def subject(guest: Guest) -> Trial:
-    return trial(TwoLink(arm(), surface()), guest, actuation_delay=1)
+    return trial(controller=guest)
 
 
 @pytest.mark.parametrize("compiled", [True, False])
