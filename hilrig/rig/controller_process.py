@@ -12,7 +12,7 @@ from hilrig.rig.bus import Outbox
 from hilrig.rig.channels import CONTROLLER_CHANNELS, RecordSender
 from hilrig.rig.child import Child, main
 from hilrig.rig.faults import Injector
-from hilrig.rig.frames import TickScreen
+from hilrig.rig.frames import TickScreen, tick_of
 from hilrig.rig.memory import LawMemory
 from hilrig.rig.rows import HeardState, controller_rows
 from hilrig.rig.state_receiver import StateReceiver
@@ -44,7 +44,7 @@ def work(child: Child) -> None:
     child.ready(("driver", "logger"), record.rehearse, memory=memory)
     try:
         with law_memory.bounded():
-            answer_all(child, node, heard, record, states, screen, commands, injector)
+            answer_all(child, node, heard, record, states, commands, injector)
     except Tripped as trip:
         child.tell("tripped", reason=str(trip))
     finally:
@@ -58,7 +58,7 @@ def work(child: Child) -> None:
 
 def answer_all(
     child: Child, node: ControllerNode, heard: HeardState, record: RecordSender, states: StateReceiver,
-    screen: TickScreen, commands: Outbox, injector: Injector | None,
+    commands: Outbox, injector: Injector | None,
 ) -> None:  # fmt: skip
     """Answer until the last measurement. Raises Tripped."""
     now, put, framed = time.monotonic_ns, commands.put, record.batches["command"].framed
@@ -70,7 +70,7 @@ def answer_all(
         if not state:
             return
         received = now()
-        tick = screen.last
+        tick = tick_of(state)
         try:
             if injector is not None:
                 injector.stall(tick)

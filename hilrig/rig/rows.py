@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 
 import numpy as np
 
@@ -36,10 +35,12 @@ class HeardState:
 
     def __init__(self, codecs: Mapping[str, Codec], lead: bytes = LEAD) -> None:
         """`lead` are the first bytes of a framed message."""
-        batch = RecordBatch(codecs["state"], FEWEST, lead)
-        self.rows = StateRows(*batch.fields)
-        self.read = partial(batch.read, 0)
-        """Copy a framed message into the row. Raises ValueError if it has another length"""
+        self._batch = RecordBatch(codecs["state"], FEWEST, lead)
+        self.rows = StateRows(*self._batch.fields)
+
+    def read(self, framed: bytes) -> None:
+        """Copy a message into the row. Raises ValueError if it has another length."""
+        self._batch.read(0, framed)
 
 
 class HeardCommand:
@@ -47,8 +48,10 @@ class HeardCommand:
 
     def __init__(self, codecs: Mapping[str, Codec], lead: bytes = LEAD) -> None:
         """`lead` are the first bytes of a framed message."""
-        batch = RecordBatch(codecs["command"], FEWEST, lead)
-        rows = CommandRows(*batch.fields)
+        self._batch = RecordBatch(codecs["command"], FEWEST, lead)
+        rows = CommandRows(*self._batch.fields)
         self.acting = Command(rows.torque[0], rows.position[0])
-        self.read = partial(batch.read, 0)
-        """Copy a framed message into the row. Raises ValueError if it has another length"""
+
+    def read(self, framed: bytes) -> None:
+        """Copy a message into the row. Raises ValueError if it has another length."""
+        self._batch.read(0, framed)

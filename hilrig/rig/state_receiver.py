@@ -19,18 +19,19 @@ class StateReceiver:
     """Gives every measurement in lockstep; in real time the newest one that has arrived."""
 
     def __init__(self, inbox: Inbox, screen: TickScreen, ticks: int, period: float, realtime: bool) -> None:
-        self._inbox, self._screen, self._final = inbox, screen, ticks - 1
+        self._inbox, self._screen, self._ticks, self._realtime = inbox, screen, ticks, realtime
         self._period_ns = round(period * 1e9)
         # Of the first measurement it is only known that the trial began later than this.
         self._heard = time.monotonic_ns()
         self._ended = False
-        self.take = self._take_newest if realtime else self._take_next
-        """Wait for the next measurement and return it, or END"""
+
+    def take(self) -> bytes:
+        """Wait for the next measurement and return it, or END."""
+        return self._take_newest() if self._realtime else self._take_next()
 
     def _take_next(self) -> bytes:
         screen = self._screen
-        if screen.newest < self._final:
-            screen.newest = screen.last + 1
+        screen.newest = min(screen.last + 1, self._ticks - 1)
         while not self._ended:
             message = self._inbox.take()
             if screen.passes(message):
@@ -57,5 +58,5 @@ class StateReceiver:
         """Set the newest tick that can come by now."""
         screen, now = self._screen, time.monotonic_ns()
         ahead = SLACK + HURRY * (now - self._heard) // self._period_ns
-        screen.newest = min(max(screen.last + ahead, screen.newest), self._final)
+        screen.newest = min(max(screen.last + ahead, screen.newest), self._ticks - 1)
         self._heard = now if screen.last >= 0 else self._heard

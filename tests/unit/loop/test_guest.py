@@ -1,22 +1,25 @@
-"""A law is a guest: whatever it writes into, nobody else reads it. On the bus and in one process, compiled or not."""
+"""A law is a guest: nobody else reads what it writes into its arguments. Compiled or not, on any path of a tick."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import pytest
-from helpers.builders import trial
+from helpers.builders import surface, trial
 from helpers.in_memory import Nodes, pass_messages
 from helpers.whole_trials import CHANNELS, pass_whole
+from hilrig_drivers.two_link import TwoLink
 
 from hilrig.core.compiler import kernel
 from hilrig.core.interfaces import Law, Task
-from hilrig.core.signals import Array, Reference, State
+from hilrig.core.signals import Array, Kinematics, Reference, State
 from hilrig.experiment.trial import Trial
+from hilrig.kinds.robots.planar_2r import Planar2r
 
 RUINED = 1e3
 
@@ -108,3 +111,41 @@ def test_the_trial_is_the_same_for_the_next_law(compiled: bool) -> None:
     before = pass_messages(shared).command
     pass_messages(replace(shared, controller=Guest(compiled, ruins=True)))
     assert pass_messages(shared).command == before
+
+
+@dataclass(frozen=True)
+class Keeping(Planar2r):
+    """A robot that keeps the arrays that it returns."""
+
+    @cached_property
+    def kept(self) -> list[Array | Kinematics]:
+        return []
+
+    @cached_property
+    def model(self) -> Array:
+        return super().dynamic_parameters()
+
+    @cached_property
+    def largest(self) -> Array:
+        return super().torque_limits()
+
+    def dynamic_parameters(self) -> Array:
+        return self.model
+
+    def torque_limits(self) -> Array:
+        return self.largest
+
+    def kinematics(self, q: Array, rate: Array) -> Kinematics:
+        self.kept.append(found := super().kinematics(q, rate))
+        return found
+
+
+def test_what_a_robot_keeps_is_not_given_to_a_law() -> None:
+    robot: Any = Keeping((0.345, 0.2), (1.8, 1.1), (-9.81, 0.0))
+    model, largest = robot.model.copy(), robot.largest.copy()
+    pass_messages(trial(TwoLink(robot, surface()), Guest(compiled=True, ruins=True)))
+    np.testing.assert_array_equal(robot.model, model)
+    np.testing.assert_array_equal(robot.largest, largest)
+    kept = list(arrays_in(tuple(robot.kept)))
+    assert len(kept) > 5
+    assert not any((array == RUINED).any() for array in kept)
