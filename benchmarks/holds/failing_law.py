@@ -55,10 +55,15 @@ def _fail(way: str) -> None:
 
 
 def _cut_the_bus() -> None:
-    """Remove the bus's sockets, and end every connection of this process: the law goes on, and nobody hears it."""
+    """Remove the bus's sockets, and end every connection of this process: the law goes on, and nobody hears it.
+
+    A socket that listens stays open, without a name that anybody could connect to: zenoh would accept on a dead one in
+    a loop, beside the driver.
+    """
     shutil.rmtree(json.loads(sys.argv[1])["sockets"], ignore_errors=True)
     for file in Path("/proc/self/fd").iterdir():
         with suppress(OSError):
             if os.readlink(file).startswith("socket:"):
                 with socket.socket(fileno=os.dup(int(file.name))) as end:
-                    end.shutdown(socket.SHUT_RDWR)
+                    if not end.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
+                        end.shutdown(socket.SHUT_RDWR)

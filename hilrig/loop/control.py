@@ -65,6 +65,7 @@ class ControllerArrays(NamedTuple):
 # `assembled` replaces these names.
 robot_kinematics: Callable[[Any, Array, Array, Kinematics], None] = cast(Any, None)
 observe: Callable[..., float] = cast(Any, None)
+hear: Callable[..., float] = cast(Any, None)
 law_step: Callable[[Any, Any, State, Reference], Array] = cast(Any, None)
 
 
@@ -183,6 +184,14 @@ def answer(tick: int, asked: Array, memory: tuple[Array, ...], arrays: Controlle
     return True
 
 
+def hear_template(heard: StateRows, robot: Any, arrays: ControllerArrays, rows: ControllerRows) -> float:
+    """Compute what the law receives from the measurement in the first row of `heard`; return what `observe` does."""
+    return observe(
+        int(heard.tick[0]), heard.joint_position[0], heard.wrench[0], heard.stamp[0], heard.fresh[0] != 0, robot,
+        arrays, rows,
+    )  # fmt: skip
+
+
 def controller_template(
     parameters: Any, memory: Any, fields: tuple[Array, ...], robot: Any, arrays: ControllerArrays,
     rows: ControllerRows, heard: StateRows,
@@ -196,9 +205,8 @@ def controller_template(
     while True:
         tick = int(heard.tick[0])
         rows.written[0] = row
-        q, wrench, stamp, fresh = heard.joint_position[0], heard.wrench[0], heard.stamp[0], heard.fresh[0] != 0
-        elapsed = observe(tick, q, wrench, stamp, fresh, robot, arrays, rows)
-        if fresh or arrays.call_when_stale:
+        elapsed = hear(heard, robot, arrays, rows)
+        if heard.fresh[0] != 0 or arrays.call_when_stale:
             asked = law_step(parameters, memory, since(elapsed, arrays.seen), arrays.wanted)
             yield answer(tick, asked, fields, arrays, rows)
         else:

@@ -12,7 +12,7 @@ from hilrig.core.interfaces import Law
 from hilrig.core.law_memory import memory_sizes
 from hilrig.core.signals import Array
 from hilrig.experiment.trial import Trial, first_state, make_task
-from hilrig.loop.control import ControllerArrays, controller_arrays, controller_template, observing
+from hilrig.loop.control import ControllerArrays, controller_arrays, controller_template, hear_template, observing
 from hilrig.loop.plain_parts import LawParts, law_parts, robot_kernels, wrong_torque
 from hilrig.loop.rows import ControllerRows, StateRows
 
@@ -72,7 +72,8 @@ class ControllerNode:
             self.start(int(heard.tick[0]), heard.joint_position[0], heard.wrench[0], heard.applied_torque[0])
         law, parts = self.law, self.parts
         assert law is not None
-        answers = assembled(controller_template, observe=self.observe, law_step=parts.step)
+        hear = assembled(hear_template, makes_arrays=False, observe=self.observe)
+        answers = assembled(controller_template, hear=hear, law_step=parts.step)
         return answers(law.parameters, law.memory, parts.fields, self.robot.constants, self.arrays, rows, heard)
 
     def why_refused(self, tick: int) -> HilrigError:

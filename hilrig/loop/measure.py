@@ -67,6 +67,8 @@ class DriverArrays(NamedTuple):
 plant_observe: Callable[[Any, Array, PlantDisturbance, Observation], float] = cast(Any, None)
 plant_advance: Callable[[Any, Array, PlantDisturbance, Array, Array], None] = cast(Any, None)
 measure: Callable[..., bool] = cast(Any, None)
+drive: Callable[..., bool] = cast(Any, None)
+coast: Callable[..., None] = cast(Any, None)
 
 
 def measure_template(tick: int, plant: Any, state: Array, arrays: DriverArrays, rows: DriverRows) -> bool:
@@ -163,6 +165,26 @@ def note_truth(row: int, surface: float, exact: Truth, rows: DriverRows) -> None
     truth.surface_position[row] = surface
 
 
+def drive_template(tick: int, asked: Command, plant: Any, state: Array, arrays: DriverArrays, rows: DriverRows) -> bool:
+    """Advance the plant for a period under `asked`, brought within the envelope.
+
+    Returns False if the command ends the trial.
+    """
+    bits = bound(asked.torque, asked.position, arrays.within, arrays.applied)
+    if bits != 0 and not note_bounded(tick, bits, arrays, rows):
+        return False
+    now = plant_disturbance(arrays.schedule, tick)
+    plant_advance(plant, state, now, arrays.applied.torque, arrays.applied.position)
+    return True
+
+
+def coast_template(first: int, tick: int, plant: Any, state: Array, arrays: DriverArrays) -> None:
+    """Advance the plant from tick `first` to `tick` under the command in effect."""
+    for left_out in range(first, tick):
+        now = plant_disturbance(arrays.schedule, left_out)
+        plant_advance(plant, state, now, arrays.applied.torque, arrays.applied.position)
+
+
 def driver_template(
     plant: Any, state: Array, arrays: DriverArrays, rows: DriverRows, acting: Command
 ) -> Iterator[bool]:
@@ -175,17 +197,10 @@ def driver_template(
     row, count = 0, rows.state.tick.size
     while True:
         tick = arrays.clock[0]
-        for left_out in range(tick - arrays.clock[1], tick):
-            now = plant_disturbance(arrays.schedule, left_out)
-            plant_advance(plant, state, now, arrays.applied.torque, arrays.applied.position)
+        coast(tick - arrays.clock[1], tick, plant, state, arrays)
         rows.written[0] = row
         yield measure(tick, plant, state, arrays, rows)
-        bits = bound(acting.torque, acting.position, arrays.within, arrays.applied)
-        within = bits == 0 or note_bounded(tick, bits, arrays, rows)
-        if within:
-            now = plant_disturbance(arrays.schedule, tick)
-            plant_advance(plant, state, now, arrays.applied.torque, arrays.applied.position)
-        yield within
+        yield drive(tick, acting, plant, state, arrays, rows)
         row = (row + 1) % count
 
 
@@ -194,12 +209,18 @@ def measuring(kernels: PlantKernels) -> Callable[..., bool]:
     return assembled(measure_template, makes_arrays=False, plant_observe=kernels.observe)
 
 
+def driving(kernels: PlantKernels) -> Callable[..., bool]:
+    """Return `drive_template` with this plant filled in."""
+    return assembled(drive_template, makes_arrays=False, plant_advance=kernels.advance)
+
+
 def driver_ticks(kernels: PlantKernels, arrays: DriverArrays, rows: DriverRows, acting: Command) -> Iterator[bool]:
     """Return the generator of `driver_template`: one call of `next` for each part of a tick.
 
     A generator keeps its arguments; passing this many arrays at every call would cost several times the work itself.
     """
-    ticks = assembled(driver_template, measure=measuring(kernels), plant_advance=kernels.advance)
+    coast = assembled(coast_template, makes_arrays=False, plant_advance=kernels.advance)
+    ticks = assembled(driver_template, measure=measuring(kernels), drive=driving(kernels), coast=coast)
     return ticks(kernels.constants, kernels.state, arrays, rows, acting)
 
 

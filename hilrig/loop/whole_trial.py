@@ -12,12 +12,11 @@ import numpy as np
 
 from hilrig.core.compiler import assembled, can_be_composed
 from hilrig.core.errors import Tripped
-from hilrig.core.signals import Array, Command, PlantDisturbance, Reference, State, plant_disturbance
+from hilrig.core.signals import Array, Command, Reference, State
 from hilrig.loop.control import ControllerArrays, answer, since
 from hilrig.loop.controller_node import ControllerNode
 from hilrig.loop.driver_node import DriverNode
-from hilrig.loop.envelope import bound
-from hilrig.loop.measure import DriverArrays, measuring, note_bounded
+from hilrig.loop.measure import DriverArrays, driving, measuring
 from hilrig.loop.rows import ControllerRows, DriverRows, put
 from hilrig.loop.ticks import Ending
 
@@ -43,7 +42,7 @@ class TrialRows(NamedTuple):
 # `assembled` replaces these names.
 measure: Callable[..., bool] = cast(Any, None)
 observe: Callable[..., float] = cast(Any, None)
-plant_advance: Callable[[Any, Array, PlantDisturbance, Array, Array], None] = cast(Any, None)
+drive: Callable[..., bool] = cast(Any, None)
 sense: Callable[..., tuple[bool, float]] = cast(Any, None)
 act: Callable[..., bool] = cast(Any, None)
 law_step: Callable[[Any, Any, State, Reference], Array] = cast(Any, None)
@@ -70,13 +69,8 @@ def act_template(
     slot, due = tick % slots, (tick - arrays.delay) % slots
     put(arrays.commands.torque[slot], rows.controller.command.torque[row])
     put(arrays.commands.position[slot], rows.controller.command.position[row])
-    torque, position = arrays.commands.torque[due], arrays.commands.position[due]
-    bits = bound(torque, position, arrays.driver.within, arrays.driver.applied)
-    if bits != 0 and not note_bounded(tick, bits, arrays.driver, rows.driver):
-        return False
-    now = plant_disturbance(arrays.driver.schedule, tick)
-    plant_advance(plant, state, now, arrays.driver.applied.torque, arrays.driver.applied.position)
-    return True
+    command = Command(arrays.commands.torque[due], arrays.commands.position[due])
+    return drive(tick, command, plant, state, arrays.driver, rows.driver)
 
 
 def run_template(
@@ -117,7 +111,7 @@ class WholeTrial:
             raise Tripped(driver.why_unsafe(0))
         sizes = controller.start(0, rows.state.joint_position[0], rows.state.wrench[0], rows.state.applied_torque[0])
         sense = assembled(sense_template, makes_arrays=False, measure=measure, observe=controller.observe)
-        act = assembled(act_template, makes_arrays=False, plant_advance=driver.kernels.advance)
+        act = assembled(act_template, makes_arrays=False, drive=driving(driver.kernels))
         self._run = assembled(run_template, sense=sense, act=act, law_step=controller.parts.step)
         self.in_python = not can_be_composed(self._run)
         """Whether every tick needs the interpreter; if not, other threads can use it during a block"""

@@ -21,7 +21,9 @@ from hilrig.recording.messages.layouts import CHANNELS
 from hilrig.recording.messages.record_batch import RecordBatch
 
 PACKET_TICKS = 32
-"""Maximum ticks in one packet to the logger; they are lost if the sender is killed"""
+"""Maximum ticks in one packet to the logger in real time; they are lost if the sender is killed"""
+LOCKSTEP_PACKET_TICKS = 80
+"""The same in lockstep, where a packet delays nothing, and what is lost can be computed again"""
 PACKET_BYTES = 60_000
 """Maximum bytes in one packet; a low-latency link silently drops messages above 65,000"""
 NAMES = tuple(CHANNELS)
@@ -83,19 +85,20 @@ class RecordSender(RecordBatches):
 
     def __init__(
         self, put: Callable[[bytes], None], codecs: Mapping[str, Codec], names: tuple[str, ...],
-        leads: Mapping[str, bytes] | None = None,
+        leads: Mapping[str, bytes] | None = None, realtime: bool = True,
     ) -> None:  # fmt: skip
         """`put` sends one packet; the last channel is that of the time stamps; `leads` as in `RecordBatches`.
 
         Raises RigError if the messages of one tick are too large for a packet.
         """
+        ticks = PACKET_TICKS if realtime else LOCKSTEP_PACKET_TICKS
         tick = sum(codecs[name].size for name in names)
         if 2 * tick > PACKET_BYTES:
             raise RigError(
                 f"the messages of one tick ({', '.join(names)}) take {tick} bytes, but the bus takes at most "
                 f"{PACKET_BYTES // 2}: give the law a smaller memory, or run with --in-process, which has no limit"
             )
-        super().__init__(codecs, names, min(PACKET_TICKS, PACKET_BYTES // tick), leads)
+        super().__init__(codecs, names, min(ticks, PACKET_BYTES // tick), leads)
         self._put = put
         *self._signals, self._timing = names
         self.stamps: list[tuple[float, ...]] = []

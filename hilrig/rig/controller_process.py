@@ -12,7 +12,7 @@ from hilrig.rig.bus import Outbox
 from hilrig.rig.channels import CONTROLLER_CHANNELS, RecordSender
 from hilrig.rig.child import Child, main
 from hilrig.rig.faults import Injector
-from hilrig.rig.frames import TickScreen, tick_of
+from hilrig.rig.frames import TickScreen
 from hilrig.rig.memory import LawMemory
 from hilrig.rig.rows import HeardState, controller_rows
 from hilrig.rig.state_receiver import StateReceiver
@@ -37,7 +37,7 @@ def work(child: Child) -> None:
     injector = Injector.of(trial, "controller")
     if injector is not None:
         commands = injector.outbox(commands)
-    record = RecordSender(child.record(), codecs, CONTROLLER_CHANNELS, {"command": commands.lead})
+    record = RecordSender(child.record(), codecs, CONTROLLER_CHANNELS, {"command": commands.lead}, realtime)
     node, heard = ControllerNode(trial), HeardState(codecs, lead)
     node.bind(heard.rows, controller_rows(record.batches))
     states = StateReceiver(inbox, screen, trial.ticks, trial.period, realtime)
@@ -62,7 +62,7 @@ def answer_all(
 ) -> None:  # fmt: skip
     """Answer until the last measurement. Raises Tripped."""
     now, put, framed = time.monotonic_ns, commands.put, record.batches["command"].framed
-    note, last = record.stamps.append, record.rows - 1
+    note, last, screen = record.stamps.append, record.rows - 1, states.screen
     certified, resumed, period = child.settings.certificate, child.resume_monitor, node.trial.period
     while True:
         waiting = now()
@@ -70,7 +70,7 @@ def answer_all(
         if not state:
             return
         received = now()
-        tick = tick_of(state)
+        tick = screen.last
         try:
             if injector is not None:
                 injector.stall(tick)

@@ -33,6 +33,14 @@ fill the socket buffer of a process that does not read, and then the link makes 
 class BusWire:
     """The driver's end of the bus."""
 
+    __slots__ = (
+        "_acting", "_age", "_applied", "_certified", "_child", "_commands", "_due", "_heard", "_injector", "_last",
+        "_next_report", "_node", "_outbox", "_pacer", "_period", "_published", "_realtime", "_received", "_record",
+        "_resumed", "_row", "_rows", "_sample", "_sampled", "_screen", "_signals", "_stages", "_state", "_timer",
+        "_waiting", "_watchdog", "_woke",
+    )  # fmt: skip
+    # CPython looks up the attributes of an instance with more than 29 of them more slowly: 0.4 us per tick.
+
     def __init__(self, child: Child, node: DriverNode, codecs: Mapping[str, Codec], injector: Injector | None) -> None:
         trial = node.trial
         self._child, self._node, self._injector = child, node, injector
@@ -49,7 +57,7 @@ class BusWire:
             if self._realtime
             else BlockingCommandReceiver(inbox, self._screen, child.signals)
         )
-        self._record = RecordSender(child.record(), codecs, DRIVER_CHANNELS, {"state": outbox.lead})
+        self._record = RecordSender(child.record(), codecs, DRIVER_CHANNELS, {"state": outbox.lead}, self._realtime)
         self._state = self._record.batches["state"]
         self._stages = StageRecord(self._record, trial.period)
         self._certified = child.settings.certificate

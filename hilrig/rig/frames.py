@@ -20,7 +20,8 @@ LEAD_BYTES = EPOCH_BYTES + 4
 _FORMAT = 1
 """Version of the messages, part of the tag"""
 _NUMBER = struct.Struct("<Q")
-_TICK = slice(LEAD_BYTES + len(CDR_HEADER), LEAD_BYTES + len(CDR_HEADER) + 8)
+_HEAD = struct.Struct(f"<{LEAD_BYTES + len(CDR_HEADER)}sQ")
+"""Head and tick of a state or command"""
 NO_EPOCH = bytes(EPOCH_BYTES)
 """For a bus that no trial runs on"""
 
@@ -40,7 +41,7 @@ def lead(epoch: bytes, channel: str, sender: str) -> bytes:
 
 def tick_of(message: bytes) -> int:
     """Return the tick of a framed state or command."""
-    return int.from_bytes(message[_TICK], "little")
+    return _HEAD.unpack_from(message)[1]
 
 
 class TickScreen:
@@ -58,13 +59,15 @@ class TickScreen:
 
     def passes(self, message: bytes) -> bool:
         """Return whether the message is the next one of this channel; count it if not."""
-        if len(message) == self._size and message.startswith(self._head):
-            tick = int.from_bytes(message[_TICK], "little")
-            if self.last < tick <= self.newest:
-                self.last = tick
-                return True
-            self.refused[OLD if tick <= self.last else FUTURE] += 1
-        elif message != self.end:
+        if len(message) == self._size:
+            head, tick = _HEAD.unpack_from(message)
+            if head == self._head:
+                if self.last < tick <= self.newest:
+                    self.last = tick
+                    return True
+                self.refused[OLD if tick <= self.last else FUTURE] += 1
+                return False
+        if message != self.end:
             self.refused[MALFORMED if message.startswith(self.end) else FOREIGN] += 1
         return False
 

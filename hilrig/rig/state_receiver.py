@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from hilrig.rig.bus import DEPTH, Inbox
 from hilrig.rig.frames import TickScreen
@@ -19,19 +20,20 @@ class StateReceiver:
     """Gives every measurement in lockstep; in real time the newest one that has arrived."""
 
     def __init__(self, inbox: Inbox, screen: TickScreen, ticks: int, period: float, realtime: bool) -> None:
-        self._inbox, self._screen, self._ticks, self._realtime = inbox, screen, ticks, realtime
+        self._inbox, self._last = inbox, ticks - 1
+        self.screen = screen
+        """Judges the measurements; its `last` is the tick of the one that was taken"""
         self._period_ns = round(period * 1e9)
         # Of the first measurement it is only known that the trial began later than this.
         self._heard = time.monotonic_ns()
         self._ended = False
-
-    def take(self) -> bytes:
-        """Wait for the next measurement and return it, or END."""
-        return self._take_newest() if self._realtime else self._take_next()
+        self.take: Callable[[], bytes] = self._take_newest if realtime else self._take_next
+        """Wait for the next measurement and return it, or END"""
 
     def _take_next(self) -> bytes:
-        screen = self._screen
-        screen.newest = min(screen.last + 1, self._ticks - 1)
+        screen = self.screen
+        if screen.newest < self._last:
+            screen.newest += 1
         while not self._ended:
             message = self._inbox.take()
             if screen.passes(message):
@@ -45,9 +47,9 @@ class StateReceiver:
             message: bytes | None = self._inbox.take()
             self._permit()
             for _ in range(DEPTH):
-                if self._screen.passes(message):
+                if self.screen.passes(message):
                     newest = message
-                elif message == self._screen.end:
+                elif message == self.screen.end:
                     self._ended = True
                 message = None if self._ended else self._inbox.poll()
                 if message is None:
@@ -56,7 +58,7 @@ class StateReceiver:
 
     def _permit(self) -> None:
         """Set the newest tick that can come by now."""
-        screen, now = self._screen, time.monotonic_ns()
+        screen, now = self.screen, time.monotonic_ns()
         ahead = SLACK + HURRY * (now - self._heard) // self._period_ns
-        screen.newest = min(max(screen.last + ahead, screen.newest), self._ticks - 1)
+        screen.newest = min(max(screen.last + ahead, screen.newest), self._last)
         self._heard = now if screen.last >= 0 else self._heard
