@@ -13,8 +13,8 @@ from typing import cast
 
 from hilrig.rig.child import Child, main
 
-PACKETS = 32
-"""Packets to the logger in a block; with 32 ticks in each, a block is 1,024 ticks"""
+PACKETS = 13
+"""Packets to the logger in a block; in lockstep, with 80 ticks in each, a block is 1,040 ticks"""
 
 
 def alternating(put: Callable[[bytes], None], stamping: list[bool]) -> Callable[[bytes], None]:

@@ -14,6 +14,7 @@ from hilrig.recording.messages.layouts import layouts
 from hilrig.rig.channels import (
     CONTROLLER_CHANNELS,
     DRIVER_CHANNELS,
+    LOCKSTEP_PACKET_TICKS,
     NAMES,
     PACKET_BYTES,
     PACKET_TICKS,
@@ -144,3 +145,8 @@ def test_a_rehearsal_is_as_large_as_what_comes_and_says_nothing() -> None:
     assert practice
     assert all(abs(len(packet) - len(first)) < 50 for packet in practice)
     assert unpacked(practice) == (dict.fromkeys(NAMES, b""), {})
+
+
+@pytest.mark.parametrize(("realtime", "ticks"), [(True, PACKET_TICKS), (False, LOCKSTEP_PACKET_TICKS)])
+def test_a_packet_holds_fewer_ticks_in_real_time(realtime: bool, ticks: int) -> None:
+    assert RecordSender(lambda packet: None, CODECS, DRIVER_CHANNELS, realtime=realtime).rows == ticks
