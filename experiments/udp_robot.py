@@ -10,9 +10,11 @@ is attached; without orders for 0.1 s it holds its reference. Every 10 ms, with 
 from __future__ import annotations
 
 import argparse
+import os
 import socket
 import struct
 import time
+from contextlib import suppress
 
 import numpy as np
 from hilrig_drivers.two_link import TwoLink
@@ -89,6 +91,8 @@ def main() -> None:
     parser.add_argument("--dropouts", type=float, default=0.0, help="share of the samples that are lost")
     parser.add_argument("--seed", type=int, default=1, help="of jitter, noise and dropouts")
     options = parser.parse_args()
+    with suppress(OSError):  # a robot has a computer of its own: here, what else runs is not to delay it
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(60))
     random, robot = np.random.default_rng(options.seed), Robot()
     robot.step(0.0)  # loads what is compiled
     link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
